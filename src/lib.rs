@@ -6,7 +6,7 @@
 //!            ros2_messages ◄─ ros2_guarded ◄─ ros2_node ◄──────────────────────────── needle_twin ┘
 //! ```
 //!
-//! A room of this crate uses only rooms before it: rig, guard, served, live, openigtlink, ros, cli (`tests/rooms.rs`).
+//! A room of this crate uses only rooms before it: guard, served, live, openigtlink, ros, cli (`tests/rooms.rs`).
 //! What lies in a crate of its own is held by cargo.
 //!
 //! The handbook, `docs/README.md` in the repository, says how to use the programs.
@@ -20,7 +20,6 @@ pub mod guard;
 pub mod live;
 #[cfg(feature = "slicer")]
 pub mod openigtlink;
-pub mod rig;
 #[cfg(feature = "ros")]
 pub mod ros;
 #[cfg(any(feature = "page", feature = "slicer"))]

@@ -8,8 +8,8 @@ use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::{CliError, Outcome, print, warn};
-use crate::rig::make::{RigRecording, RigScene};
-use crate::rig::sensors::{DisplacementModel, LoadCellModel};
+use needle_rig::make::{RigRecording, RigScene};
+use needle_rig::sensors::{DisplacementModel, LoadCellModel};
 use rosbag2_mcap::{BagReader, CheckReport, Severity, check};
 
 /// Look into bags, check them, and make synthetic recordings of the rig

@@ -1,5 +1,6 @@
 //! `needle_twin batch`: many recordings, in shards that can run anywhere and again.
 
+use needle_estimate::compare::Cancel;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -180,7 +181,7 @@ fn known(job: &Job, out: &Path) -> Option<Row> {
 fn rows(manifest: &Manifest, shard: Shard, out: &Path) -> Result<Done, CliError> {
     let interrupt = Interrupt::listen();
     let begun = Instant::now();
-    let stop = || interrupt.pressed();
+    let cancel = interrupt.cancel();
     let none = Tables::default();
     let job = |tables, number| Job { manifest, number, tables };
     let all: Vec<Job> = (0..manifest.recordings.len()).map(|n| job(&none, n)).collect();
@@ -193,15 +194,15 @@ fn rows(manifest: &Manifest, shard: Shard, out: &Path) -> Result<Done, CliError>
     let mut needed = Needed::of(&needed);
     needed.read(out);
     let curves = Bar::new(needed.runs() as u64, "runs for the curves that all share");
-    let tables = needed.make(out, &stop, &|| curves.add(1, ""));
+    let tables = needed.make(out, cancel, &|| curves.add(1, ""));
     curves.finish();
     let bar = Bar::new(left.len() as u64, "recordings");
     let one = |left: &Job| -> Result<Option<Row>, CliError> {
-        if stop() {
+        if cancel.is_cancelled() {
             return Ok(None);
         }
-        let row = job(&tables, left.number).run(&stop);
-        if stop() {
+        let row = job(&tables, left.number).run(cancel);
+        if cancel.is_cancelled() {
             return Ok(None);
         }
         needle_report::write_row(out, &row)?;
@@ -211,14 +212,23 @@ fn rows(manifest: &Manifest, shard: Shard, out: &Path) -> Result<Done, CliError>
     let made: Vec<Option<Row>> = left.par_iter().map(one).collect::<Result<_, CliError>>()?;
     bar.finish();
     let made: Vec<Row> = made.into_iter().flatten().collect();
-    let joint = samples_done(samples, &tables, out, &stop)?;
+    let joint = samples_done(samples, &tables, out, cancel)?;
     let fits = || made.iter().flat_map(|row| &row.fits).filter(|fit| fit.failed.is_none());
     let runs = fits().map(|fit| u64::from(fit.runs)).sum();
     let calibrations = fits().filter(|fit| !fit.keys.is_empty()).count() as u64;
     let (count, wall_s) = (made.len(), begun.elapsed().as_secs_f64());
     let rows = there.into_iter().filter_map(|(_, row)| row).chain(made).collect();
     let joint = known_samples.into_iter().chain(joint).collect();
-    Ok(Done { rows, joint, made: count, runs, calibrations, shared_runs: tables.runs(), wall_s, stopped: stop() })
+    Ok(Done {
+        rows,
+        joint,
+        made: count,
+        runs,
+        calibrations,
+        shared_runs: tables.runs(),
+        wall_s,
+        stopped: cancel.is_cancelled(),
+    })
 }
 
 /// The samples of a shard whose rows still hold, and those that are left.
@@ -240,13 +250,13 @@ fn samples_done(
     samples: Vec<SampleJob>,
     tables: &Tables,
     out: &Path,
-    stop: &(dyn Fn() -> bool + Sync),
+    cancel: &Cancel,
 ) -> Result<Vec<SampleRow>, CliError> {
     let bar = Bar::new(samples.len() as u64, "samples fitted together");
     let one = |sample: &SampleJob| -> Result<Option<SampleRow>, CliError> {
         let jobs = sample.jobs.iter().map(|job| Job { tables, ..*job }).collect();
-        let row = SampleJob { name: sample.name, jobs }.run(stop);
-        if stop() {
+        let row = SampleJob { name: sample.name, jobs }.run(cancel);
+        if cancel.is_cancelled() {
             return Ok(None);
         }
         needle_report::write_sample(out, &row)?;

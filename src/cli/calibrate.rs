@@ -237,7 +237,8 @@ fn found(
     }
     let measured = recording.measured();
     measured.loss().iter().for_each(|loss| warn(loss));
-    let (twin, _) = compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    let twin =
+        needle_core::twin::Twin::new(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     refuse_mistaken(&twin, recording, &readings, &measured, arguments.recorded.force, &progress)?;
     drop(twin);
     let task = Task {

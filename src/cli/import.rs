@@ -11,13 +11,13 @@ use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_recording::{Column, Recording, RecordingError, Table, TopicNames, tables};
 
-/// Make a bag of tables as text (CSV, TSV), or of a bag with other topics and units
+/// Make a bag of tables (CSV, TSV, .xlsx, .npy, .npz), or of a bag with other topics and units
 ///
 /// What is not said is seen from the text: the separator, the decimal comma, the headers, the columns of time, position and force,
 /// and their units where the headers carry them. Position and force may be files of their own, each with its own clock.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Tables as text, or one bag
+    /// Tables, or one bag
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
 
@@ -53,10 +53,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     sources.force_topic = sources.force_topic.or_else(|| arguments.force_column.clone());
     let said = sources.selection(TopicNames::default());
     let is_bag = matches!(&arguments.files[..], [bag] if needle_recording::is_bag(bag));
-    let read = if is_bag { Vec::new() } else { tables(&arguments.files, &said).map_err(RecordingError::from)? };
+    let mut read = if is_bag { Vec::new() } else { tables(&arguments.files, &said).map_err(RecordingError::from)? };
     let recording = match is_bag {
         true => Recording::open(&arguments.files, &said)?,
-        false => Recording::of_tables(&read, &said)?,
+        false => Recording::of_tables(&mut read, &said)?,
     };
     recording.warnings.iter().for_each(|text| warn(text));
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
@@ -89,14 +89,19 @@ struct Extent {
 }
 
 fn extents(recording: &Recording) -> Vec<Extent> {
-    let of = |what, unit, series: Vec<(f64, f64)>| {
-        let (first, last) = (series.first()?.0, series.last()?.0);
-        let range = series.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], (_, v)| [a.min(*v), b.max(*v)]);
-        Some(Extent { what, samples: series.len(), from_to_s: [first, last], range, unit })
-    };
-    let depths = recording.depths.iter().map(|s| (s.time_s, s.depth_m)).collect();
-    let poses = recording.poses.iter().map(|s| (s.time_s, s.tip[2])).collect();
-    let forces = recording.forces.iter().map(|s| (s.time_s, s.force_n[2])).collect();
+    fn of(
+        what: &'static str,
+        unit: &'static str,
+        series: impl DoubleEndedIterator<Item = (f64, f64)> + ExactSizeIterator + Clone,
+    ) -> Option<Extent> {
+        let (first, last) = (series.clone().next()?.0, series.clone().next_back()?.0);
+        let samples = series.len();
+        let range = series.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], (_, v)| [a.min(v), b.max(v)]);
+        Some(Extent { what, samples, from_to_s: [first, last], range, unit })
+    }
+    let depths = recording.depths.iter().map(|s| (s.time_s, s.depth_m));
+    let poses = recording.poses.iter().map(|s| (s.time_s, s.tip[2]));
+    let forces = recording.forces.iter().map(|s| (s.time_s, s.force_n[2]));
     [of("depth", "m", depths), of("tip's z", "m", poses), of("force", "N", forces)].into_iter().flatten().collect()
 }
 

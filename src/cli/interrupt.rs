@@ -1,9 +1,8 @@
 //! Ctrl-C, SIGTERM and, unless it was ignored from the start as by `nohup`, SIGHUP as a flag, so that a run ends between two poses with its files closed. A second one ends at once.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
+use needle_estimate::compare::Cancel;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Exit codes of a program that SIGHUP, SIGINT or SIGTERM ended, as shells have them.
@@ -13,7 +12,7 @@ const TERMINATED: i32 = 143;
 
 /// Whether the run is to end.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Interrupt(Arc<AtomicBool>);
+pub(super) struct Interrupt(Cancel);
 
 impl Interrupt {
     /// Listens from now on. Where that isn't possible, a signal ends the process as ever.
@@ -34,7 +33,7 @@ impl Interrupt {
                 };
                 let mut hangup = if outlives { None } else { signal(SignalKind::hangup()).ok() };
                 next(&mut interrupt, &mut terminate, hangup.as_mut()).await;
-                flag.0.store(true, Ordering::Relaxed);
+                flag.0.cancel();
                 std::process::exit(next(&mut interrupt, &mut terminate, hangup.as_mut()).await);
             });
         };
@@ -43,14 +42,9 @@ impl Interrupt {
         interrupt
     }
 
-    /// The flag itself, for what can't ask.
-    pub(super) fn flag(&self) -> Arc<AtomicBool> {
-        Arc::clone(&self.0)
-    }
-
-    /// Whether a signal came.
-    pub(super) fn pressed(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+    /// What a signal cancels.
+    pub(super) const fn cancel(&self) -> &Cancel {
+        &self.0
     }
 }
 

@@ -1,15 +1,12 @@
 //! Options of an ensemble, for the commands that run a scene.
 
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
 use clap::Args;
 
 use super::CliError;
 use super::progress::Bar;
 use needle_core::scene::Scene;
-use needle_estimate::compare::Run;
 use needle_estimate::compare::ensemble::{self, Crew, Driven, Member, Size};
+use needle_estimate::compare::{Cancel, Run};
 
 /// How many members, and the seed of their draws.
 #[derive(Debug, Args)]
@@ -41,16 +38,10 @@ impl MemberOptions {
 
 impl Drawn {
     /// Runs them over what drove a finished run, and adds what they say to it.
-    pub(super) fn add(
-        &self,
-        run: &mut Run,
-        scene: &Scene,
-        driven: Driven,
-        stop: Option<Arc<AtomicBool>>,
-    ) -> Result<(), CliError> {
+    pub(super) fn add(&self, run: &mut Run, scene: &Scene, driven: Driven, cancel: Cancel) -> Result<(), CliError> {
         let bar = Bar::new(self.size.members as u64, "members");
         let done = || bar.add(1, "");
-        let crew = Crew { threads: rayon::current_num_threads(), stop, done: &done };
+        let crew = Crew { threads: rayon::current_num_threads(), cancel, done: &done };
         let added = ensemble::add(run, scene, &self.members, driven, self.size, &crew);
         bar.finish();
         Ok(added?)

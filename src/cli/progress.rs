@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::io::Write as _;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::curves::Curves;
 use super::interrupt::Interrupt;
 use crate::cli::summary::newtons;
-use needle_estimate::compare::{Answer, Watch};
+use needle_estimate::compare::{Answer, Cancel, Watch};
 
 /// Answers between two looks at the bar: it must not cost time that the steps could have.
 const STRIDE: usize = 16;
@@ -180,12 +180,8 @@ impl Watch for Progress {
         }
     }
 
-    fn stop(&self) -> bool {
-        self.interrupt.pressed()
-    }
-
-    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
-        Some(self.interrupt.flag())
+    fn cancel(&self) -> &Cancel {
+        self.interrupt.cancel()
     }
 }
 
@@ -295,12 +291,8 @@ impl Watch for Runs<'_> {
         }
     }
 
-    fn stop(&self) -> bool {
-        self.progress.stop()
-    }
-
-    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
-        self.progress.stop_flag()
+    fn cancel(&self) -> &Cancel {
+        self.progress.cancel()
     }
 }
 

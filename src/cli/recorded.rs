@@ -16,7 +16,7 @@ const DEFAULT_SCENE: &str = "needle_insertion";
 /// A recording and the scene that it is run with.
 #[derive(Debug, Args)]
 pub(super) struct RecordedOptions {
-    /// rosbag2 folder or .mcap file; or a table as text (CSV, TSV)
+    /// rosbag2 folder or .mcap file; or a table (CSV, TSV, .xlsx, .npy, .npz)
     #[arg(value_name = "BAG|TABLE")]
     bag: PathBuf,
 
@@ -137,6 +137,10 @@ pub(super) struct SourceOptions {
     #[arg(long, value_name = "SIGN", value_parser = reversed, allow_negative_numbers = true)]
     pub force_sign: Option<bool>,
 
+    /// What the load cell reads without load, in the force's unit: one number, or three of a force with three components
+    #[arg(long, value_name = "V|X,Y,Z", value_parser = zero, allow_hyphen_values = true)]
+    pub force_zero: Option<Zero>,
+
     /// Turns the force from the frame of the sensor into that of the sample: a quaternion
     #[arg(long, value_name = "W,X,Y,Z", value_parser = quaternion, allow_hyphen_values = true)]
     pub sensor_rotation: Option<[f64; 4]>,
@@ -182,6 +186,10 @@ pub(super) struct TableOptions {
     /// Which of several recordings that stand one after the other in the file, from 1
     #[arg(long, value_name = "N")]
     pub block: Option<usize>,
+
+    /// Sheet of a workbook (.xlsx) [default: the first with rows of numbers]
+    #[arg(long, value_name = "NAME")]
+    pub sheet: Option<String>,
 
     /// Columns of tracked points in the sample's frame, x, y and z of each, in the position's unit; an empty cell: not seen
     #[arg(long, value_name = "X,Y,Z,...", value_delimiter = ',')]
@@ -248,6 +256,18 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     numbers.try_into().ok()
 }
 
+/// What a load cell reads without load.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Zero {
+    One(f64),
+    Three([f64; 3]),
+}
+
+fn zero(text: &str) -> Result<Zero, String> {
+    let one = numbers(text).map(|[number]: [f64; 1]| Zero::One(number));
+    one.or_else(|| numbers(text).map(Zero::Three)).ok_or_else(|| "a number, or three, `X,Y,Z`".to_owned())
+}
+
 fn quaternion(text: &str) -> Result<[f64; 4], String> {
     numbers(text).ok_or_else(|| "four numbers, `W,X,Y,Z`".to_owned())
 }
@@ -281,7 +301,11 @@ impl SourceOptions {
         Selection {
             names,
             position: Quantity { zero: self.position_zero, factor: self.position_scale, ..position },
-            force: quantity(&self.force_topic, &self.force_unit, self.force_sign),
+            force: Quantity {
+                zero: if let Some(Zero::One(zero)) = self.force_zero { zero } else { 0.0 },
+                ..quantity(&self.force_topic, &self.force_unit, self.force_sign)
+            },
+            force_zeros: if let Some(Zero::Three(zeros)) = self.force_zero { Some(zeros) } else { None },
             time_offset_s: self.time_offset_s,
             time: table.time.clone(),
             time_unit: table.time_unit.clone(),
@@ -299,6 +323,7 @@ impl SourceOptions {
                 header_line: table.header_line,
                 comment: table.comment.clone(),
                 block: table.block,
+                sheet: table.sheet.clone(),
             },
         }
     }

@@ -9,12 +9,11 @@ use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
 use needle_core::scene::Scene;
 use needle_core::twin::Twin;
-use needle_estimate::compare::ensemble::{Answered, Driven};
+use needle_estimate::compare::ensemble::Driven;
 use needle_estimate::compare::placement::{never_touched, unreached};
 use needle_estimate::compare::scale::mistaken;
-use needle_estimate::compare::{self, Collector, Keep, Run, Watch as _};
-use needle_recording::Recording;
-use needle_recording::{ForceSeries, Reading};
+use needle_estimate::compare::{Finished, Keep, Run, Session, Watch as _};
+use needle_recording::{ForceSeries, Reading, Recording};
 
 /// Run the recorded motion of a bag or table and compare with its load cell: one message at a time, as fast as the machine
 /// allows; the same bag, scene and settings give the same checksum
@@ -74,31 +73,23 @@ fn replay(
     for warning in recording.warnings.iter().chain(&recording.foreign_frame()) {
         progress.warn(warning);
     }
-    let built = compare::build(scene);
-    let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    twin.warnings().iter().for_each(|warning| progress.warn(warning));
+    let session = Session::new(scene, "replay", keep);
+    let session = session.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    session.twin().warnings().iter().for_each(|warning| progress.warn(warning));
     let measured = recording.measured();
-    refuse_mistaken(&twin, recording, &readings, &measured, forced, &progress)?;
+    refuse_mistaken(session.twin(), recording, &readings, &measured, forced, &progress)?;
     progress.count(readings.len());
-    let mut collector = Collector::new(&twin, "replay", build_s, keep);
-    recording.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
-    measured.loss().into_iter().for_each(|loss| collector.lost(loss));
-    if !measured.is_empty() {
-        collector.measured_source(&recording.source);
-    }
-    let mut answered = Answered::new(&mut progress);
-    let again = readings.iter().copied();
-    let mut run = compare::drive(&mut twin, again, Some(&measured), collector, &mut answered);
-    let at = answered.at;
+    let session = session.of_recording(recording, &measured);
+    let Finished { mut run, answered, twin } = session.run(readings.iter().copied(), &mut progress);
     progress.finish();
-    let stop = progress.stop_flag();
+    let cancel = progress.cancel().clone();
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
         members.add(
             &mut run,
             scene,
-            Driven { readings: &readings, at: &at, sightings: &recording.markers, twin: Some(&twin) },
-            stop,
+            Driven { readings: &readings, at: &answered, sightings: &recording.markers, twin: Some(&twin) },
+            cancel,
         )?;
     }
     Ok(run)

@@ -7,9 +7,8 @@ use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
 use needle_core::scene::{Motion, Override, Scene};
-use needle_estimate::compare::ensemble::{Answered, Driven};
-use needle_estimate::compare::{self, Collector, Keep, Run, Watch as _};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::ensemble::Driven;
+use needle_estimate::compare::{Finished, Keep, Run, Session, Watch as _};
 
 /// Run a scene's own motion: a stream of poses, each answered as the live node would, as fast as the machine allows
 #[derive(Debug, Args)]
@@ -73,25 +72,21 @@ impl Arguments {
 /// Runs a scene's own motion.
 pub(super) fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<&Drawn>) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
-    let built = compare::build(scene);
-    let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    twin.warnings().iter().for_each(|warning| progress.warn(warning));
+    let session = Session::new(scene, "solve", keep);
+    let session = session.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    session.twin().warnings().iter().for_each(|warning| progress.warn(warning));
     progress.count(motion.pose_count() as usize);
-    let collector = Collector::new(&twin, "solve", build_s, keep);
-    let readings = || motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-    let mut answered = Answered::new(&mut progress);
-    let mut run = compare::drive(&mut twin, readings(), None, collector, &mut answered);
-    let at = answered.at;
+    let Finished { mut run, answered, twin } = session.run(Session::motion(motion), &mut progress);
     progress.finish();
-    let stop = progress.stop_flag();
+    let cancel = progress.cancel().clone();
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
-        let readings: Vec<_> = readings().collect();
+        let readings: Vec<_> = Session::motion(motion).collect();
         members.add(
             &mut run,
             scene,
-            Driven { readings: &readings, at: &at, sightings: &[], twin: Some(&twin) },
-            stop,
+            Driven { readings: &readings, at: &answered, sightings: &[], twin: Some(&twin) },
+            cancel,
         )?;
     }
     Ok(run)

@@ -76,7 +76,7 @@ impl Stability {
         for case in cases {
             bar.set_message(format!("{}, {} {}", case.method.name, case.change.group, case.change.label));
             let row = self.threads.install(|| case.run(&progress))??;
-            if progress.stop() {
+            if progress.cancel().is_cancelled() {
                 break;
             }
             bar.suspend(|| print(&row.line()))?;
@@ -90,7 +90,7 @@ impl Stability {
         if let Some(folder) = &folder {
             needle_report::write_stability(&folder.path, &rows)?;
         }
-        Ok(if progress.stop() { Outcome::Lossy } else { Outcome::Complete })
+        Ok(if progress.cancel().is_cancelled() { Outcome::Lossy } else { Outcome::Complete })
     }
 }
 
@@ -156,7 +156,7 @@ impl Verify {
             progress.finish();
             print(&verification::table(&one))?;
             all.push(one);
-            if progress.stop() {
+            if progress.cancel().is_cancelled() {
                 break;
             }
         }

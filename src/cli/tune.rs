@@ -10,12 +10,11 @@ use super::options::{SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_core::scene::{Motion, Override, Scene, Seconds};
-use needle_estimate::compare::{self, Collector, Keep, Run};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Cancel, Keep, Run, Session};
 use needle_studies::accuracy::{self, Row, StudyError, largest_error};
 use needle_studies::correction::{self, Learnt};
+use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self, Goal, Tuned};
-use needle_studies::yardstick::Yardstick;
 
 /// How far off a cloud may be that is to be corrected, over the tolerance: what was left at depths between was 0.3 to 0.6 of it (docs/lab/performance.md).
 const TO_BE_CORRECTED: f64 = 4.0;
@@ -77,15 +76,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
     let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
     let found = arguments.threads.install(|| search(&scene, depth, goal, arguments))??;
-    let Some(Found { yardstick, tuned, learnt }) = found else {
+    let Some(Found { reference_solution, tuned, learnt }) = found else {
         warn("interrupted: nothing is written");
         return Ok(Outcome::Lossy);
     };
-    let text = written(&tuned, &yardstick, goal, arguments, learnt.as_ref());
+    let text = written(&tuned, &reference_solution, goal, arguments, learnt.as_ref());
     // what is shown is what the file says
     let scene = scene_file::from_text(&text, &tuned.scene.name)?;
     let run = arguments.threads.install(|| shown(&scene))??;
-    let mut proof = proof(&run, &yardstick, goal);
+    let mut proof = proof(&run, &reference_solution, goal);
     if let Some(learnt) = &learnt {
         proof.text += &(told(learnt, goal) + &told_of_targets(&tuned.row, goal));
         proof.met &= learnt.left <= goal.tolerance && tuned.row.way_error.is_none_or(|error| error <= goal.tolerance);
@@ -115,58 +114,46 @@ fn eprint(text: &str) {
 
 /// What was found, and what was measured on the way.
 struct Found {
-    yardstick: Yardstick,
+    reference_solution: ReferenceSolution,
     tuned: Tuned,
     learnt: Option<Learnt>,
 }
 
 fn search(scene: &Scene, depth: f64, goal: Goal, arguments: &Arguments) -> Result<Option<Found>, CliError> {
     let interrupt = Interrupt::listen();
-    let stop = || interrupt.pressed();
+    let cancel = interrupt.cancel();
     if !arguments.cloud.is_empty() {
-        return correct(scene, depth, goal, &arguments.cloud, &stop);
+        return correct(scene, depth, goal, &arguments.cloud, cancel);
     }
-    let yardstick = Yardstick::of(scene, depth)?;
-    eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
+    let reference_solution = ReferenceSolution::of(scene, depth)?;
+    eprint(&format!("forces are held against {}\n{}", reference_solution.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
     if !arguments.correct {
-        let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &stop)?;
-        return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
+        let tuned = tune::tune(scene, &reference_solution, goal, &mut seen, cancel)?;
+        return Ok(tuned.map(|tuned| Found { reference_solution, tuned, learnt: None }));
     }
     let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
-    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
-    let Some(learnt) = learn(scene, &tuned.scene, depth, goal, &stop)? else { return Ok(None) };
+    let Some(tuned) = tune::coarsest(scene, &reference_solution, wide, &mut seen, cancel)? else { return Ok(None) };
+    let Some(learnt) = learn(scene, &tuned.scene, depth, goal, cancel)? else { return Ok(None) };
     let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
-    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, &stop)?;
-    Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
+    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, cancel)?;
+    Ok(paced.map(|tuned| Found { reference_solution, tuned, learnt: Some(learnt) }))
 }
 
 /// The scene with these keys, corrected, at its own pace.
-fn correct(
-    scene: &Scene,
-    depth: f64,
-    goal: Goal,
-    keys: &[String],
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Found>, CliError> {
+fn correct(scene: &Scene, depth: f64, goal: Goal, keys: &[String], cancel: &Cancel) -> Result<Option<Found>, CliError> {
     let keys = keys.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
     let cloud = Scene { name: format!("{}_tuned", scene.name), ..goal.asked_of(&scene.with(&keys)?)? };
-    let Some(learnt) = learn(scene, &cloud, depth, goal, stop)? else { return Ok(None) };
-    let Some(row) = learnt.on_the_way(stop)? else { return Ok(None) };
+    let Some(learnt) = learn(scene, &cloud, depth, goal, cancel)? else { return Ok(None) };
+    let Some(row) = learnt.on_the_way(cancel)? else { return Ok(None) };
     eprint(&(accuracy::heading() + &row.line()));
     let tuned = Tuned { scene: learnt.scene.clone(), row };
-    Ok(Some(Found { yardstick: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
+    Ok(Some(Found { reference_solution: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
 }
 
-fn learn(
-    scene: &Scene,
-    cloud: &Scene,
-    depth: f64,
-    goal: Goal,
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Learnt>, CliError> {
+fn learn(scene: &Scene, cloud: &Scene, depth: f64, goal: Goal, cancel: &Cancel) -> Result<Option<Learnt>, CliError> {
     eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
-    let learnt = correction::learn(scene, cloud, depth, stop)?;
+    let learnt = correction::learn(scene, cloud, depth, cancel)?;
     learnt.iter().for_each(|learnt| eprint(&told(learnt, goal)));
     Ok(learnt)
 }
@@ -203,7 +190,13 @@ fn met(is: bool) -> &'static str {
 }
 
 /// The scene file, with what was measured above it.
-fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, arguments: &Arguments, learnt: Option<&Learnt>) -> String {
+fn written(
+    tuned: &Tuned,
+    reference_solution: &ReferenceSolution,
+    goal: Goal,
+    arguments: &Arguments,
+    learnt: Option<&Learnt>,
+) -> String {
     let (row, threads) = (&tuned.row, rayon_threads(arguments));
     let wanted = if arguments.cloud.is_empty() {
         format!("force within {} % of", accuracy_percent(goal.tolerance))
@@ -217,7 +210,7 @@ fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, arguments: &Argumen
         "# Written by `needle_twin tune`: {wanted} {} at {} poses per second.\n\
          # Measured on {threads} thread{}: largest error {:.2} %, {:.4} ms of processor time per pose, {} nodes, {} points.\n\
          # Another machine has other costs: run it there.\n",
-        learnt.map_or(&yardstick.source, |learnt| &learnt.known.source),
+        learnt.map_or(&reference_solution.source, |learnt| &learnt.known.source),
         goal.pose_hz,
         if threads == 1 { "" } else { "s" },
         100.0 * row.max_force_error().unwrap_or(f64::NAN),
@@ -241,12 +234,9 @@ fn accuracy_percent(share: f64) -> String {
 fn shown(scene: &Scene) -> Result<Run, CliError> {
     let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
     let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..motion };
-    let (mut twin, build_s) =
-        compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
-    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-    let mut watch = Progress::silent();
-    Ok(compare::drive(&mut twin, readings, None, collector, &mut watch))
+    let session = Session::new(scene, "tune", Keep::ANSWERS)
+        .map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    Ok(session.run(Session::motion(&motion), &mut Progress::silent()).run)
 }
 
 struct Proof {
@@ -255,11 +245,11 @@ struct Proof {
 }
 
 /// What the run of the written scene shows.
-fn proof(run: &Run, yardstick: &Yardstick, goal: Goal) -> Proof {
+fn proof(run: &Run, reference_solution: &ReferenceSolution, goal: Goal) -> Proof {
     let path: Vec<(f64, f64)> = run.answers.iter().map(|a| (a.depth_m, a.predicted_n)).collect();
     let vectors: Vec<[f64; 3]> = run.answers.iter().map(|a| a.predicted_vector_n).collect();
-    let errors = yardstick.force_errors(&path, &vectors);
-    let whole = errors.len() == yardstick.force.len() && run.diverged.is_none();
+    let errors = reference_solution.force_errors(&path, &vectors);
+    let whole = errors.len() == reference_solution.force.len() && run.diverged.is_none();
     let error = largest_error(&errors).filter(|_| whole);
     let factor = run.real_time_factor().unwrap_or(0.0);
     let latency = run.latency_ms().map_or_else(String::new, |l| {

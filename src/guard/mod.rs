@@ -1,22 +1,23 @@
-//! The supervising controller between the twin and a needle driver: inserts the needle, and stops when something is lost or
-//! out of bounds.
+//! The supervising controller between the twin and a needle driver. It inserts the needle, and stops when data are
+//! lost or a quantity is out of bounds.
 //!
-//! Every tick it looks at what it has heard and how long ago, and says where the needle shall be next:
+//! At every tick it checks the received values and their ages, and computes the next setpoint of the needle:
 //!
 //! ```text
 //! waiting ──all is well──► moving ──at the goal, at rest──► arrived (and goes on following the goal)
 //!    ▲                       │  trouble
-//!    └── resume ── stopped ◄─┘  brakes at once, then says nothing
+//!    └── resume ── stopped ◄─┘  brakes at once, then sends nothing
 //! ```
-//! A driver stands when setpoints cease. So nothing that it missed while a process was frozen, or a cable was cut, moves the needle when
-//! they are back.
+//! A driver stands still when setpoints cease. So setpoints that it missed while a process was suspended, or a cable
+//! was cut, do not move the needle afterwards.
 //!
-//! It slows down before it stops: from [`SLOWS_AT`] of the force limit on, the speed falls in proportion to the remaining
-//! force, and while the twin warns it is multiplied by `slow_factor`. Where a largest probability is ordered, the members' outlook
-//! ([`Outlook`]) decides in place of the predicted force, by the same rule, and the needle goes no faster than outlooks come.
+//! The guard slows down before it stops. From [`SLOWS_AT`] of the force limit on, the speed falls in proportion to
+//! the remaining force. While the twin warns, the speed is multiplied by `slow_factor`. If a largest probability is
+//! configured, the members' look-ahead ([`Outlook`]) replaces the predicted force in the same rule. The needle then
+//! moves no faster than look-aheads arrive.
 //!
-//! The goal is a depth, or the depth of a target that moves with the tissue; the motion there is a [`Trajectory`], so a
-//! goal that moves is followed without passing it. No sockets and no clocks: times come in as ages.
+//! The goal is a depth, or the depth of a target that moves with the tissue. The motion is a [`Trajectory`], so a
+//! moving goal is followed without overshoot. This module uses no sockets and no clocks: times are passed in as ages.
 
 mod outlook;
 
@@ -24,21 +25,21 @@ use std::fmt;
 
 pub use outlook::{Odds, Outlook, Place, Question};
 
-use crate::rig::{MotionLimits, Trajectory};
+use needle_rig::{MotionLimits, Trajectory};
 
-/// Share of a limit (of the force, of a probability) from which the speed falls, to nothing at the limit.
+/// Share of a limit (of the force, of a probability) from which on the speed falls; it is zero at the limit.
 pub const SLOWS_AT: f64 = 0.8;
-/// Share of a limit at which the guard stops; the rest is for what braking adds.
+/// Share of a limit at which the guard stops; the rest is reserved for the increase during braking.
 pub const STOPS_AT: f64 = 0.97;
 
-/// Twin and guard hear one needle: at the same stamp their depths differ by a constant, which is that of the sensors' zeros. It may change by
-/// so much, m.
+/// Twin and guard receive the position of the same needle. At the same stamp their depths differ by a constant, the
+/// difference of the sensors' zeros. Largest change of that difference, m.
 const SAME_POSE_M: f64 = 1e-4;
 
-/// Largest age of where a region begins, s: the twin's status comes ten times a second.
+/// Largest age of a region's boundary, s: the twin's status comes ten times a second.
 const REGION_TIMEOUT_S: f64 = 0.5;
 
-/// What the guard is to do.
+/// Configuration of the guard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orders {
     /// Limits of the motion; they must not be above those of the driver.
@@ -47,17 +48,18 @@ pub struct Orders {
     pub step_s: f64,
     /// Largest force against the insertion, N.
     pub force_limit_n: f64,
-    /// Largest probability that the force passes its limit within [`Orders::look_ahead_m`]; 1: the predicted force decides instead.
+    /// Largest probability that the force exceeds its limit within [`Orders::look_ahead_m`]; 1: the predicted force
+    /// is used instead.
     pub max_probability_of_force_limit: f64,
-    /// Largest probability that the target is missed by more than [`Orders::miss_radius_m`]; 1: it is not asked for.
+    /// Largest probability that the target is missed by more than [`Orders::miss_radius_m`]; 1: not used.
     pub max_probability_of_miss: f64,
-    /// How far ahead these probabilities look, m.
+    /// Distance over which these probabilities look ahead, m.
     pub look_ahead_m: f64,
     /// Distance from the target that counts as a miss, m.
     pub miss_radius_m: f64,
-    /// Largest age of an outlook, s.
+    /// Largest age of a look-ahead, s.
     pub outlook_timeout_s: f64,
-    /// Largest age of a value, s; older ones count as lost.
+    /// Largest age of a value, s; older values count as lost.
     pub timeout_s: f64,
     /// The same for a target, which comes at a lower rate, s.
     pub target_timeout_s: f64,
@@ -65,24 +67,24 @@ pub struct Orders {
     pub tolerance_m: f64,
     /// Time at the goal that counts as arrived, s.
     pub dwell_s: f64,
-    /// Distance between setpoint and measured position at which the driver does not follow, m.
+    /// Distance between setpoint and measured position above which the driver does not follow, m.
     pub following_error_m: f64,
-    /// Share of the speed while the twin warns.
+    /// Factor on the speed while the twin warns.
     pub slow_factor: f64,
-    /// Stop so far before a region's boundary, m; `None`: no region is forbidden.
+    /// Distance at which it stops before a region's boundary, m; `None`: no region is forbidden.
     pub stop_before_m: Option<f64>,
-    /// After a stop, go on by itself when all has been well for so long, s; 0: never.
+    /// Time without trouble after which it resumes automatically after a stop, s; 0: never.
     pub resume_after_s: f64,
 }
 
 impl Orders {
-    /// Whether members have to look ahead.
+    /// Whether the members' look-ahead is needed.
     #[must_use]
     pub fn ask_members(&self) -> bool {
         self.max_probability_of_force_limit < 1.0 || self.max_probability_of_miss < 1.0
     }
 
-    /// What to ask the members at a depth on the way to a goal, m.
+    /// The question to the members at a depth during the motion to a goal, m.
     #[must_use]
     pub const fn question(&self, depth_m: f64, goal_m: f64) -> Question {
         let Self { look_ahead_m, force_limit_n, miss_radius_m, .. } = *self;
@@ -90,58 +92,60 @@ impl Orders {
     }
 }
 
-/// A value, how long ago it came, and how old it is by its stamp.
+/// A received value with its two ages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Heard<T> {
     /// The value.
     pub value: T,
-    /// Since it came, s.
+    /// Time since it was received, s.
     pub age_s: f64,
-    /// Since its stamp, s: negative for one from the future, infinite for one without a stamp, 0 of what carries none. A predicted force
-    /// has the stamp of the pose that it answers, and its age is held against the newest position.
+    /// Time since its stamp, s: negative for a stamp in the future, infinite for a missing stamp, 0 for a type
+    /// without stamps. A predicted force has the stamp of the pose that it answers, and its age is relative to the
+    /// newest position.
     pub since_stamp_s: f64,
 }
 
 impl<T> Heard<T> {
-    /// Of what carries no stamp.
+    /// A value of a type without stamps.
     pub const fn unstamped(value: T, age_s: f64) -> Self {
         Self { value, age_s, since_stamp_s: 0.0 }
     }
 }
 
-/// Where a region begins on the needle's way.
+/// The boundary of a region on the needle's path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Boundary {
-    /// Depth of the tip at which it comes into the region, m.
+    /// Depth of the tip at which it enters the region, m.
     pub depth_m: f64,
-    /// Whether that is where the twin has the deformed boundary; otherwise as in the scene.
+    /// Whether this is the deformed boundary predicted by the twin; otherwise it is that of the scene.
     pub predicted: bool,
 }
 
-/// What the guard has heard; `None`: never.
+/// The received values; `None`: never received.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sight {
     /// Measured depth, m.
     pub depth_m: Option<Heard<f64>>,
     /// Predicted force against the insertion, N.
     pub force_n: Option<Heard<f64>>,
-    /// Whether the twin says that it is safe to go on.
+    /// Whether the twin reports that it is safe to continue.
     pub safe: Option<Heard<bool>>,
-    /// Time since the guard last looked, s.
+    /// Time since the guard's last tick, s.
     pub held_up_s: f64,
-    /// A topic on which a second publisher has spoken.
+    /// A topic on which a second publisher has sent messages.
     pub two_publish: Option<&'static str>,
     /// Whether the twin warns.
     pub warned: bool,
     /// Depth to go to, m.
     pub goal_m: Option<Heard<f64>>,
-    /// Where the region begins that must not be entered.
+    /// The boundary of the forbidden region.
     pub boundary: Option<Heard<Boundary>>,
-    /// What the members say of the next piece of the way; its age is that of the pose that they looked from.
+    /// The members' look-ahead; its age is that of the pose from which they looked ahead.
     pub odds: Option<Heard<Odds>>,
-    /// Whether the goal is a target of the twin, whose position can become outdated.
+    /// Whether the goal is a target of the twin, whose position can become out of date.
     pub goal_moves: bool,
-    /// Depth that the twin answered less the measured depth of the same stamp, m; `None`: no stamp was common.
+    /// Depth that the twin answered minus the measured depth with the same stamp, m; `None`: there was no common
+    /// stamp.
     pub twin_offset_m: Option<f64>,
 }
 
@@ -149,39 +153,39 @@ pub struct Sight {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Trouble {
-    /// The guard itself was not running for so long, s: what happened meanwhile it has not seen.
+    /// The guard itself was not running for this time, s, and has missed events in it.
     HeldUp(f64),
-    /// Two publish a topic, and nobody knows which of them is right.
+    /// Two nodes publish a topic, and the guard can't know which one is right.
     TwoPublish(&'static str),
-    /// No position for too long.
+    /// No position within the timeout.
     PositionLost,
-    /// The position's stamp is so far from now, s.
+    /// The position's stamp is this far from the present time, s.
     PositionStamp(f64),
-    /// No prediction for too long.
+    /// No prediction within the timeout.
     PredictionLost,
-    /// The prediction is of a pose so long before the newest position, s.
+    /// The prediction belongs to a pose this much older than the newest position, s.
     PredictionLate(f64),
-    /// The stamp of the twin's word on safety is so far from now, s.
+    /// The stamp of the twin's safety report is this far from the present time, s.
     SafetyStamp(f64),
-    /// The twin says that it is not safe, or nothing.
+    /// The twin reports that it is not safe, or nothing.
     NotVouched,
-    /// No target for too long.
+    /// No target position within the timeout.
     TargetLost,
-    /// The predicted force, N.
+    /// The predicted force, N, is at its limit.
     ForceLimit(f64),
-    /// The members' outlook is missing or too old.
+    /// The members' look-ahead is missing or too old.
     OutlookLost,
-    /// The probability that the force passes its limit.
+    /// The probability that the force exceeds its limit.
     ForceLikely(f64),
     /// The probability that the target is missed.
     MissLikely(f64),
-    /// Where the region begins that must not be entered is not known.
+    /// The boundary of the forbidden region is not known.
     RegionUnknown,
-    /// The region that must not be entered begins here.
+    /// The forbidden region begins here.
     RegionAhead(Boundary),
-    /// The driver is not where it was told to be, by so much, m.
+    /// Distance of the driver from its setpoint, m.
     NotFollowing(f64),
-    /// The depth that the twin answers has departed from the measured one by so much since the motion began, m.
+    /// Change of the difference between the twin's depth and the measured one since the motion began, m.
     OtherPose(f64),
 }
 
@@ -232,7 +236,7 @@ impl fmt::Display for Trouble {
     }
 }
 
-/// A stamp that is far from now.
+/// Describes a stamp that is far from the present time.
 fn stamp(f: &mut fmt::Formatter<'_>, topic: &str, since_s: f64) -> fmt::Result {
     if since_s.is_infinite() {
         return write!(f, "{topic} has no stamps: how old it is can't be known");
@@ -244,16 +248,16 @@ fn stamp(f: &mut fmt::Formatter<'_>, topic: &str, since_s: f64) -> fmt::Result {
     )
 }
 
-/// What the guard is doing.
+/// State of the guard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Phase {
-    /// Until everything has been heard and is well. It says nothing to the driver.
+    /// Waits until all values are received and there is no trouble. Sends nothing to the driver.
     Waiting(Option<Trouble>),
-    /// On the way.
+    /// Moving to the goal.
     Moving,
     /// At the goal, and following it.
     Arrived,
-    /// Braking or at rest, until it is told to go on.
+    /// Braking or at rest, until it is told to resume.
     Stopped(Trouble),
 }
 
@@ -272,7 +276,7 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// A guard that waits.
+    /// A guard in the waiting state.
     #[must_use]
     pub fn new(orders: Orders) -> Self {
         Self {
@@ -285,13 +289,13 @@ impl Guard {
         }
     }
 
-    /// What it is to do.
+    /// Its configuration.
     #[must_use]
     pub const fn orders(&self) -> &Orders {
         &self.orders
     }
 
-    /// What it is doing.
+    /// Its state.
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.phase
@@ -303,9 +307,9 @@ impl Guard {
         self.trajectory.velocity_m_per_s()
     }
 
-    /// After a stop: waits for all to be well, then goes on. False if it is not stopped.
+    /// After a stop: waits until there is no trouble, then continues. Returns false if it is not stopped.
     pub fn resume(&mut self) -> bool {
-        // a driver that does not follow is not braked by it
+        // a driver that does not follow can't be braked, so the trajectory need not be at rest
         let astray = matches!(self.phase, Phase::Stopped(Trouble::NotFollowing(_)));
         let stopped = astray || (matches!(self.phase, Phase::Stopped(_)) && self.trajectory.is_at_rest());
         if stopped {
@@ -314,7 +318,7 @@ impl Guard {
         stopped
     }
 
-    /// Brakes as if there were trouble: the setpoint until it stands, then `None`.
+    /// Brakes as after trouble: returns the setpoint until it is at rest, then `None`.
     pub fn leave(&mut self) -> Option<f64> {
         if matches!(self.phase, Phase::Waiting(_) | Phase::Stopped(Trouble::NotFollowing(_)))
             || self.trajectory.is_at_rest()
@@ -326,11 +330,11 @@ impl Guard {
         Some(self.trajectory.position_m())
     }
 
-    /// One tick: where the needle shall be, m; `None` while waiting, and after a stop once it stands.
+    /// One tick. Returns the setpoint of the needle, m; `None` while waiting, and after a stop once it is at rest.
     pub fn tick(&mut self, sight: &Sight) -> Option<f64> {
         let trouble = self.trouble(sight);
         if matches!(trouble, Some(Trouble::HeldUp(_))) {
-            // The driver has come to rest meanwhile: braking from the speed of before would move it.
+            // The driver has come to rest meanwhile: braking from the previous speed would move it.
             self.trajectory = Trajectory::new(self.orders.motion, self.orders.step_s, self.trajectory.position_m());
         }
         match (self.phase, trouble, sight.depth_m) {
@@ -377,12 +381,12 @@ impl Guard {
         }
     }
 
-    /// Deepest place that lies before the forbidden region, m; `None` if there is none.
+    /// Deepest position before the forbidden region, m; `None` if no region is forbidden.
     fn before_region(&self, sight: &Sight) -> Option<f64> {
         Some(sight.boundary?.value.depth_m - self.orders.stop_before_m?)
     }
 
-    /// Whether the forbidden region is near, or where it is can't be said.
+    /// Whether the forbidden region is near, or its position is not known.
     fn region_trouble(&self, sight: &Sight, depth: f64) -> Option<Trouble> {
         self.orders.stop_before_m?;
         let boundary = fresh(sight.boundary, REGION_TIMEOUT_S).filter(|b| b.depth_m.is_finite());
@@ -400,7 +404,7 @@ impl Guard {
         }
     }
 
-    /// Share of the speed that force and probabilities leave.
+    /// Factor on the speed that force and probabilities allow.
     fn share_left(&self, sight: &Sight) -> f64 {
         let Orders { force_limit_n, max_probability_of_force_limit, max_probability_of_miss, .. } = self.orders;
         let left = |value: f64, limit: f64| ((limit - value) / ((1.0 - SLOWS_AT) * limit)).clamp(0.0, 1.0);
@@ -415,12 +419,12 @@ impl Guard {
         } else {
             1.0
         };
-        // the outlook must not be outrun
+        // the needle must not leave the range of the look-ahead
         let used = if self.orders.ask_members() { odds.map_or(0.0, |odds| left(odds.used, 1.0)) } else { 1.0 };
         force.unwrap_or(0.0).min(miss).min(used)
     }
 
-    /// Whether the force, or a probability of what lies ahead, is at its limit.
+    /// Whether the force, or a probability ahead, is at its limit.
     fn limit_trouble(&self, sight: &Sight, force: f64) -> Option<Trouble> {
         let Orders { force_limit_n, max_probability_of_force_limit, max_probability_of_miss, .. } = self.orders;
         let by_force = max_probability_of_force_limit >= 1.0 && force >= STOPS_AT * force_limit_n;
@@ -477,13 +481,13 @@ impl Guard {
     }
 }
 
-/// A value that came, and is stamped, within the timeout.
+/// The value, if it was received and stamped within the timeout.
 fn fresh<T>(heard: Option<Heard<T>>, timeout_s: f64) -> Option<T> {
     let is_fresh = |heard: &Heard<T>| heard.age_s <= timeout_s && heard.since_stamp_s.abs() <= timeout_s;
     heard.filter(is_fresh).map(|heard| heard.value)
 }
 
-/// Age by its stamp of a value that came in time and is not of now, s.
+/// Age by the stamp, s, of a value that was received in time but whose stamp is outside the timeout.
 fn off<T>(heard: Option<Heard<T>>, timeout_s: f64) -> Option<f64> {
     let heard = heard.filter(|heard| heard.age_s <= timeout_s)?;
     (heard.since_stamp_s.abs() > timeout_s).then_some(heard.since_stamp_s)

@@ -1,16 +1,16 @@
-//! What members that look ahead say of the next piece of the way.
+//! Look-ahead of the members over the next part of the motion.
 //!
 //! ```text
 //! P(force limit) = mean_k Phi((max F_k(z) - limit) / e)              over the tip's depths z from here to the window's end
 //! P(miss)        = share of the members whose target the tip misses by more than r:
 //!                  |target - tip| at the goal where it lies in the window, else the target's distance from the needle's line
 //! ```
-//! k: members with the values that the load cell's readings have left them; e: what a reading is off by beyond them. The window ends
-//! `look_ahead_m` from here, and no later than at the goal.
+//! k: members, updated by the load cell's readings; e: standard deviation of a reading's further error. The window
+//! ends `look_ahead_m` ahead, and no later than at the goal.
 
 use statrs::distribution::{ContinuousCDF as _, Normal};
 
-/// Where a member has the target.
+/// A member's position of the target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
     /// Depth along the needle's line, m.
@@ -19,29 +19,29 @@ pub struct Place {
     pub aside_m: f64,
 }
 
-/// Forces and target of every member on the next piece of the way.
+/// Forces and target of every member over the next part of the motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outlook {
-    /// Depths of the tip, from where it was on, ascending, m.
+    /// Depths of the tip, ascending from its present one, m.
     pub depths_m: Vec<f64>,
     /// Force of each member at each of these depths, N.
     pub forces_n: Vec<Vec<f64>>,
-    /// Standard deviation of what a reading is off by beyond them, N.
+    /// Standard deviation of the error of a reading beyond the members' spread, N.
     pub error_n: f64,
-    /// The target of each member with the tip at the first and at the last depth; empty where there is none.
+    /// The target of each member with the tip at the first and at the last depth; empty without a target.
     pub targets: Vec<[Place; 2]>,
 }
 
-/// What is asked of an outlook.
+/// A question to a look-ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Question {
     /// Depth of the tip, m.
     pub depth_m: f64,
     /// Depth to go to, m.
     pub goal_m: f64,
-    /// How far ahead, m.
+    /// Distance of the look-ahead, m.
     pub look_ahead_m: f64,
-    /// Force that must not be passed, N.
+    /// Force limit, N.
     pub force_limit_n: f64,
     /// Distance from the target that counts as a miss, m.
     pub miss_radius_m: f64,
@@ -50,16 +50,17 @@ pub struct Question {
 /// Probabilities within the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Odds {
-    /// That the force limit is passed.
+    /// Probability that the force limit is exceeded.
     pub force_limit: f64,
-    /// That the target is missed; 0 where there is no target.
+    /// Probability that the target is missed; 0 without a target.
     pub miss: f64,
-    /// Share of the way for which the outlook was long enough that has been gone; from 1 on it is shorter than was asked.
+    /// Share already travelled of the distance for which the look-ahead suffices. From 1 on it is shorter than
+    /// requested.
     pub used: f64,
 }
 
 impl Outlook {
-    /// `None` where it has no members, a number is not finite, depths are not in order, or the tip is beyond all of it.
+    /// `None` if it has no members, a number is not finite, depths are not ascending, or the tip is beyond all of it.
     #[must_use]
     pub fn odds(&self, ask: &Question) -> Option<Odds> {
         let (first, last) = (*self.depths_m.first()?, *self.depths_m.last()?);
@@ -68,7 +69,7 @@ impl Outlook {
         let spare_m = last - first - ask.look_ahead_m;
         let used = if last >= ask.goal_m { 0.0 } else { (ask.depth_m - first) / spare_m.max(f64::MIN_POSITIVE) };
         let fits = |force: &Vec<f64>| force.len() == self.depths_m.len() && force.iter().all(|f| f.is_finite());
-        // what comes from a peer may be in any order
+        // data from a peer may be in any order
         let ascending = first.is_finite() && last.is_finite() && self.depths_m.windows(2).all(|w| w[0] < w[1]);
         if !ascending
             || ask.depth_m > last
@@ -96,7 +97,7 @@ impl Outlook {
         Some(Odds { force_limit, miss: misses as f64 / self.targets.len().max(1) as f64, used })
     }
 
-    /// Mean depth of the members' target with the tip at a depth, m; `None` without one.
+    /// Mean depth of the members' target with the tip at a depth, m; `None` without a target.
     #[must_use]
     pub fn target_depth_m(&self, depth_m: f64) -> Option<f64> {
         let depths = self.targets.iter().map(|places| self.place(places, depth_m).depth_m);
@@ -104,7 +105,7 @@ impl Outlook {
         mean.is_finite().then_some(mean)
     }
 
-    /// Force at a depth, linear between the places, N.
+    /// Force at a depth, interpolated linearly, N.
     fn force(&self, force: &[f64], depth_m: f64) -> f64 {
         let after = self.depths_m.partition_point(|z| *z < depth_m).min(self.depths_m.len() - 1);
         let Some(before) = after.checked_sub(1) else { return force[0] };

@@ -41,7 +41,7 @@ fn well(depth_m: f64) -> Sight {
     }
 }
 
-/// Ticks with a driver that is where it was told to be, and something else changed in what is seen.
+/// Runs ticks with a driver that follows its setpoint, and with changes to the received values.
 fn run(guard: &mut Guard, depth_m: &mut f64, ticks: usize, change: impl Fn(&mut Sight)) {
     for _ in 0..ticks {
         let mut sight = well(*depth_m);
@@ -72,7 +72,7 @@ fn it_starts_where_the_needle_is_and_arrives() {
 #[test]
 fn a_twin_whose_pose_departs_from_the_needle_stops_it() {
     let (mut guard, mut depth_m) = (Guard::new(ORDERS), 0.001);
-    // another sensor's zero is no fault
+    // a difference of the sensors' zeros is no fault
     run(&mut guard, &mut depth_m, 100, |s| s.twin_offset_m = Some(3e-4));
     assert_eq!(guard.phase(), Phase::Moving);
     run(&mut guard, &mut depth_m, 10, |s| s.twin_offset_m = None);
@@ -157,7 +157,7 @@ fn it_slows_down_before_it_stops() {
 #[test]
 fn a_force_that_rises_with_depth_stays_under_the_limit() {
     let (mut guard, mut depth_m) = (Guard::new(ORDERS), 0.0);
-    // 50 N/m, known 20 ms late
+    // 50 N/m, received with a delay of 20 ms
     let mut forces = std::collections::VecDeque::from([0.0; 5]);
     let mut most = 0.0_f64;
     for _ in 0..5000 {
@@ -189,7 +189,7 @@ fn where_probabilities_are_ordered_they_decide_in_place_of_the_force() {
     let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
     run(&mut guard, &mut depth_m, 10, |_| {});
     assert_eq!(guard.phase(), Phase::Waiting(Some(Trouble::OutlookLost)), "it does not begin without an outlook");
-    // a predicted force far beyond the limit is that of a model that the members know to be wrong
+    // a predicted force far beyond the limit, from a model that the members have proved wrong
     run(&mut guard, &mut depth_m, 100, |s| (s.odds, s.force_n) = (odds(0.01, 0.0), now(0.5)));
     assert_eq!(guard.phase(), Phase::Moving);
     assert!((guard.speed_m_per_s() - 0.002).abs() < 1e-9, "{}", guard.speed_m_per_s());
@@ -228,7 +228,7 @@ fn it_stops_before_a_region_that_moves_and_not_without_knowing_where_it_is() {
     let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
     run(&mut guard, &mut depth_m, 10, |_| {});
     assert_eq!(guard.phase(), Phase::Waiting(Some(Trouble::RegionUnknown)));
-    // the needle pushes the boundary ahead of it
+    // the needle displaces the boundary
     let at = |depth_m: f64, s: &mut Sight| {
         s.boundary = now(Boundary { depth_m: 3e-3 + 0.1 * (depth_m - 1e-3), predicted: true });
         s.depth_m = now(depth_m);
@@ -243,7 +243,7 @@ fn it_stops_before_a_region_that_moves_and_not_without_knowing_where_it_is() {
     let left = boundary.depth_m - depth_m;
     assert!(left > 3e-4 - 1e-6 && left < 4.2e-4, "{left} m before it");
     assert!(Trouble::RegionAhead(boundary).to_string().contains("predicts"));
-    // nor does it go on
+    // it does not resume either
     assert!(guard.resume());
     let held = depth_m;
     for _ in 0..100 {
@@ -252,7 +252,7 @@ fn it_stops_before_a_region_that_moves_and_not_without_knowing_where_it_is() {
         depth_m = guard.tick(&sight).unwrap_or(depth_m);
     }
     assert_eq!(depth_m, held);
-    // a boundary that is not heard of any more
+    // a boundary that is no longer received
     let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
     let far = Boundary { depth_m: 0.01, predicted: false };
     run(&mut guard, &mut depth_m, 100, |s| s.boundary = now(far));

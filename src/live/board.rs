@@ -1,4 +1,4 @@
-//! What is shown at present. Whoever puts something on the board replaces what stood there, and never waits for a viewer.
+//! The content that viewers see at present. A writer replaces the previous content and never waits for a viewer.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -7,12 +7,12 @@ use super::frame::{Frame, Model, unit_m};
 use crate::served::{self, News};
 use axum::extract::ws::Message;
 
-/// Most viewers at a time.
+/// Largest number of simultaneous viewers.
 pub const VIEWERS: usize = 16;
-/// Time between the deadlines of two messages to a viewer: 30 Hz.
+/// Period of the messages to a viewer: 30 Hz.
 pub const PERIOD: Duration = Duration::from_nanos(33_333_333);
 
-/// Places on the board, in the order in which they are sent.
+/// Slots on the board, in the order in which they are sent.
 #[derive(Clone, Copy)]
 pub(super) enum Place {
     Model,
@@ -21,19 +21,19 @@ pub(super) enum Place {
     Tissue,
 }
 
-/// Number of places.
+/// Number of slots.
 pub(super) const PLACES: usize = 4;
 
-/// What stands in each place, and how often it was replaced.
+/// Content of each slot, and a count of its replacements.
 pub(super) type Newest = served::Newest<Message, PLACES>;
-/// A viewer's seat.
+/// The connection of one viewer.
 pub(super) type Seat = served::Seat<Message, PLACES>;
 
 /// See the module.
 #[derive(Debug)]
 pub struct Board {
     pub(super) news: Arc<News<Message, PLACES>>,
-    /// Length of a step of the tissue's displacements, m.
+    /// Quantisation step of the tissue's displacements, m.
     unit_m: Mutex<f64>,
 }
 
@@ -44,31 +44,31 @@ impl Default for Board {
 }
 
 impl Board {
-    /// Whether anybody looks.
+    /// Whether there is a viewer.
     #[must_use]
     pub fn is_watched(&self) -> bool {
         self.news.is_watched()
     }
 
-    /// Shows a sample, undeformed.
+    /// Shows an undeformed sample.
     pub fn model(&self, model: &Model<'_>) {
         let unit = unit_m(model.points);
         *self.unit_m.lock().unwrap_or_else(PoisonError::into_inner) = unit;
         self.put(Place::Model, Message::Binary(model.encode(unit)));
     }
 
-    /// Shows the sample at a moment.
+    /// Shows the sample at one time.
     pub fn tissue(&self, frame: &Frame<'_>) {
         let unit = *self.unit_m.lock().unwrap_or_else(PoisonError::into_inner);
         self.put(Place::Tissue, Message::Binary(frame.encode(unit)));
     }
 
-    /// Shows phase, pace, latency, health: an object of JSON with `"kind": "status"`.
+    /// Shows phase, pace, latency, health: a JSON object with `"kind": "status"`.
     pub fn status(&self, json: String) {
         self.put(Place::Status, Message::Text(json.into()));
     }
 
-    /// Shows the present point of the curves, and the events: an object of JSON with `"kind": "figures"`.
+    /// Shows the present point of the curves, and the events: a JSON object with `"kind": "figures"`.
     pub fn figures(&self, json: String) {
         self.put(Place::Figures, Message::Text(json.into()));
     }

@@ -1,13 +1,14 @@
-//! Who comes in: a browser that was sent here by another site does not, and commands need the token.
+//! Access control. A request from another site's page is rejected, and commands need the token.
 //!
-//! Any web page that is open on this machine can make its browser ask a port of the loopback. The browser says from where (`Origin`),
-//! and whom it believes to ask (`Host`): with a name that an attacker has pointed at 127.0.0.1 (DNS rebinding) it is that name.
+//! Any web page that is open on this machine can make its browser send requests to a port of the loopback. The
+//! browser states the page's site (`Origin`) and the requested host name (`Host`). If an attacker has pointed a host
+//! name at 127.0.0.1 (DNS rebinding), `Host` has that name.
 
 use std::net::{IpAddr, SocketAddr};
 
 use axum::http::{HeaderMap, HeaderName, header, uri::Authority};
 
-/// Letters and digits of a token: 128 bits.
+/// Bytes of a token: 128 bits.
 const BYTES: usize = 16;
 
 /// See the module.
@@ -18,18 +19,18 @@ pub(super) struct Door {
 }
 
 impl Door {
-    /// With a new token.
+    /// Creates a new token.
     pub fn new(served: SocketAddr) -> Self {
         let bytes: [u8; BYTES] = rand::random();
         Self { served, token: bytes.iter().map(|b| format!("{b:02x}")).collect() }
     }
 
-    /// What the node prints.
+    /// The token, which the node prints.
     pub fn token(&self) -> &str {
         &self.token
     }
 
-    /// Takes the same time wherever they differ.
+    /// Compares in constant time.
     pub fn is_token(&self, given: &str) -> bool {
         let differ = self.token.bytes().zip(given.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
         given.len() == self.token.len() && differ == 0
@@ -38,7 +39,7 @@ impl Door {
     /// Whether a request may be answered.
     ///
     /// # Errors
-    /// Why not, for whoever asked.
+    /// The reason of the rejection, for the client.
     pub fn admits(&self, headers: &HeaderMap) -> Result<(), &'static str> {
         let host = only(headers, header::HOST).ok_or("one Host is needed")?;
         if !self.is_served(host) {
@@ -52,7 +53,8 @@ impl Door {
         }
     }
 
-    /// The address itself; where all addresses are served, any number: only names can be pointed at somebody else's machine.
+    /// Whether the host is the served address. If all addresses are served, any numeric address is accepted: only
+    /// names can be pointed at another machine.
     fn is_served(&self, host: &str) -> bool {
         let Ok(authority) = host.parse::<Authority>() else { return false };
         let (name, served) = (authority.host(), self.served.ip());
@@ -65,7 +67,7 @@ impl Door {
     }
 }
 
-/// The value of a header that is there once.
+/// The value of a header that occurs exactly once.
 fn only(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     let mut values = headers.get_all(name).iter();
     values.next().filter(|_| values.next().is_none())?.to_str().ok()

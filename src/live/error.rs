@@ -6,17 +6,17 @@ use std::net::SocketAddr;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LiveError {
-    /// The port is taken, or the address is not of this machine.
+    /// The port is in use, or the address does not belong to this machine.
     #[error(
         "the live page can't be served at {address}: {source}. Choose another page_port (0: any that is free) or page_address"
     )]
     Bind {
-        /// Where it was to be.
+        /// The requested address.
         address: SocketAddr,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// No thread, or no runtime in it.
+    /// No thread could be started, or no runtime in it.
     #[error("the live page's thread can't be started: {0}")]
     Thread(String),
 }

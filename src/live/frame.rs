@@ -1,49 +1,61 @@
-//! The sample on its way to a viewer: places and triangles once, then displacements in 16-bit steps.
+//! Binary encoding of the sample for viewers: positions and triangles once, then displacements in 16-bit steps.
 //!
-//! Little-endian. A model: the words 1, bytes of JSON, points, triangles and cells (u32 each); the JSON, filled up to a multiple
-//! of four with spaces; x, y, z of each point as f32; the indices as u32; if it has `regions`, that of each cell as a byte. A frame: the word 2; depth of the tip, tip (x, y, z) and axis
-//! (x, y, z) as f32; x, y, z of each target as f32; displacements in steps of the model's `unit_m`, x, y, z of each point as i16.
+//! Little-endian. A model has, in this order:
+//!
+//! - the words 1, bytes of JSON, points, triangles and cells (u32 each);
+//! - the JSON, padded to a multiple of four with spaces;
+//! - x, y, z of each point as f32;
+//! - the indices as u32;
+//! - if it has `regions`, that of each cell as a byte.
+//!
+//! A frame has, in this order:
+//!
+//! - the word 2;
+//! - depth of the tip, tip (x, y, z) and axis (x, y, z) as f32;
+//! - x, y, z of each target as f32;
+//! - displacements in steps of the model's `unit_m`, x, y, z of each point as i16.
 
 use axum::body::Bytes;
 use serde_json::{Value, json};
 
-/// First word of each.
+/// First word of each kind.
 const MODEL: u32 = 1;
 const FRAME: u32 = 2;
 /// Steps of a 16-bit number on either side of zero.
 const STEPS: f64 = 32_767.0;
 
-/// What does not change of a sample.
+/// The constant data of a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Model<'a> {
-    /// Undeformed places, m.
+    /// Undeformed positions, m.
     pub points: &'a [[f64; 3]],
     /// Outward triangles.
     pub surface: &'a [[u32; 3]],
-    /// Tetrahedra, for a cut.
+    /// Tetrahedra, for sections.
     pub cells: &'a [[u32; 4]],
-    /// Region of each cell by its place among the `regions` of `about`, which have a name and a colour; empty: one region.
+    /// Region of each cell as an index into the `regions` of `about`, which have a name and a colour; empty: one
+    /// region.
     pub region: &'a [u8],
-    /// What else the page is to know, as an object of JSON.
+    /// Further data for the page, as a JSON object.
     pub about: &'a Value,
 }
 
-/// The sample at one moment; lengths in m.
+/// The sample at one time; lengths in m.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     /// Depth of the tip.
     pub depth_m: f64,
-    /// Where the tip is.
+    /// Position of the tip.
     pub tip: [f64; 3],
     /// Direction of the instrument into the sample.
     pub axis: [f64; 3],
-    /// Where the targets are.
+    /// Positions of the targets.
     pub targets: &'a [[f64; 3]],
     /// Displacement of each point.
     pub displacements: &'a [[f64; 3]],
 }
 
-/// Length of one step, m: the sample's largest extent is as far as a point can be moved.
+/// Size of one step, m, such that the sample's largest extent is the largest displacement.
 pub(super) fn unit_m(points: &[[f64; 3]]) -> f64 {
     let extent = |k: usize| {
         let (low, high) =
@@ -55,7 +67,7 @@ pub(super) fn unit_m(points: &[[f64; 3]]) -> f64 {
 }
 
 impl Model<'_> {
-    /// As bytes, with the length of a step.
+    /// Encodes with the given step size.
     pub(super) fn encode(&self, unit_m: f64) -> Bytes {
         let mut about = self.about.clone();
         about["unit_m"] = json!(unit_m);
@@ -76,7 +88,7 @@ impl Model<'_> {
 }
 
 impl Frame<'_> {
-    /// As bytes.
+    /// Encodes with the given step size.
     pub(super) fn encode(&self, unit_m: f64) -> Bytes {
         let floats = [self.depth_m].into_iter().chain(self.tip).chain(self.axis);
         let floats = floats.chain(self.targets.iter().flatten().copied());

@@ -1,12 +1,12 @@
-//! The live page: a run in a browser, while it happens.
+//! The live page: shows a run in a browser while it happens.
 //!
 //! ```text
 //! other threads ──newest model, status, figures, tissue──► board ──► page thread ──► viewers (WebSocket)
 //! who runs the twin ◄──────tare, reset, mark────────────── desk ◄──────┘
 //! ```
-//! Who shows something puts it on the [`Board`] and goes on; it replaces what stood there before. A viewer says when it is ready and
-//! gets the newest of what it has not seen, so one that is slow sees less often and nobody waits for it. Nothing is to be made while
-//! [`Board::is_watched`] says no.
+//! A writer puts its content on the [`Board`], replacing the previous content, and continues. A viewer reports when
+//! it is ready and gets the newest content that it has not received. So a slow viewer gets fewer updates, and nobody
+//! waits for it. No content needs to be produced while [`Board::is_watched`] is false.
 
 mod board;
 mod door;

@@ -1,12 +1,12 @@
-//! The page and its assets, compiled in: nothing is fetched from anywhere else.
+//! The page and its assets, compiled in. Nothing is fetched from other servers.
 
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{Html, IntoResponse};
 
 const PAGE: &str = include_str!("../../assets/live/page.html");
-/// That of the report, and what the live page has beside it.
+/// Style sheet of the report, with the additions of the live page.
 const STYLE: &str = concat!(include_str!("../../assets/report/style.css"), include_str!("../../assets/live/style.css"));
-/// Charts and 3D view are the report's.
+/// Charts and 3D view are those of the report.
 const SCRIPT: &str = concat!(
     "'use strict';\n",
     include_str!("../../assets/report/text.js"),
@@ -19,7 +19,7 @@ const SCRIPT: &str = concat!(
     include_str!("../../assets/live/main.js"),
 );
 
-/// Headers of every answer: own scripts and own stream only, no frame around it, nothing kept.
+/// Headers of every answer: only own scripts and own stream, no embedding in frames, no caching.
 pub(super) const HEADERS: [(HeaderName, HeaderValue); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,

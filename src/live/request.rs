@@ -1,33 +1,34 @@
-//! What a viewer may say: that it is ready, or, with the token, a command. Anything else ends its connection.
+//! Messages that a viewer may send: that it is ready, or, with the token, a command. Any other message ends its
+//! connection.
 
 use serde::Deserialize;
 
-/// Longest request, bytes.
+/// Largest request, bytes.
 pub const LONGEST_REQUEST: usize = 1024;
 /// Longest text of a mark, characters.
 pub const LONGEST_MARK: usize = 80;
 
-/// What whoever runs the twin is asked to do.
+/// A command to the process that runs the twin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Take the present reading of the load cell as zero.
     Tare,
-    /// Back to the undeformed state.
+    /// Reset to the undeformed state.
     Reset,
-    /// Note this moment, with a text.
+    /// Record this time, with a text.
     Mark(String),
 }
 
 /// One message of a viewer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// It has drawn what it got and takes more.
+    /// It has drawn the last content and is ready for more.
     Next,
-    /// A command, with the token that it knows.
+    /// A command with the token.
     Command {
-        /// As it was sent.
+        /// The token, as sent.
         token: String,
-        /// What is to be done.
+        /// The command.
         command: Command,
     },
 }
@@ -42,7 +43,7 @@ enum Raw {
 }
 
 impl Request {
-    /// Reads `{"ask": "next"}`, `{"ask": "tare", "token": "..."}`, `{"ask": "mark", "token": "...", "text": "..."}`.
+    /// Parses `{"ask": "next"}`, `{"ask": "tare", "token": "..."}`, `{"ask": "mark", "token": "...", "text": "..."}`.
     ///
     /// # Errors
     /// What is wrong with it, for the viewer.
@@ -61,7 +62,7 @@ impl Request {
     }
 }
 
-/// A mark goes into logs and onto other viewers' pages.
+/// Validates the text of a mark, since it is shown in logs and on other viewers' pages.
 fn mark(text: &str) -> Result<String, &'static str> {
     if text.chars().count() > LONGEST_MARK {
         return Err("a mark of more than 80 characters");

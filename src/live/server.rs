@@ -1,4 +1,4 @@
-//! The page's thread: takes connections, hands out page and assets, and asks for the figures while somebody looks.
+//! The page's thread: accepts connections, serves page and assets, and requests the figures while there is a viewer.
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -26,14 +26,14 @@ use super::request::{Command, LONGEST_REQUEST};
 use super::viewer;
 use crate::served::{Service, accept, bind};
 
-/// Connections that are no viewers' at a time.
+/// Largest number of simultaneous connections other than viewers.
 const CONNECTIONS: usize = 32;
-/// The head of a request has to be here within this.
+/// Time limit for receiving the head of a request.
 const HEAD: Duration = Duration::from_secs(5);
-/// Viewers get so long to hear of the end.
+/// Time that viewers get to receive the end of the stream.
 const FAREWELL: Duration = Duration::from_millis(200);
 
-/// A command of a viewer, for whoever runs the twin.
+/// A viewer's command for the process that runs the twin.
 #[derive(Debug)]
 pub struct Asked {
     /// What is to be done.
@@ -42,30 +42,30 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Says what has become of it.
+    /// Reports the outcome.
     pub fn answer(self, done: bool, message: String) {
-        // Fails only if the viewer has gone.
+        // Fails only if the viewer has disconnected.
         let _ = self.reply.send(Reply { done, message });
     }
 }
 
-/// What has become of a command.
+/// Outcome of a command.
 #[derive(Debug)]
 pub(super) struct Reply {
     pub done: bool,
     pub message: String,
 }
 
-/// Where commands go.
+/// Queue of commands.
 pub(super) struct Desk {
     pub door: Door,
     asked: Sender<Asked>,
-    /// Says that something lies there.
+    /// Notifies the receiver of a command.
     ring: Box<dyn Fn() + Send + Sync>,
 }
 
 impl Desk {
-    /// Hands a command over; `None` if too many lie there already.
+    /// Queues a command; `None` if the queue is full.
     pub fn ask(&self, command: Command) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
         self.asked.try_send(Asked { command, reply }).ok()?;
@@ -81,7 +81,7 @@ struct House {
     stop: watch::Receiver<bool>,
 }
 
-/// A page that is being served, until this is dropped.
+/// A page that is served until this is dropped.
 #[derive(Debug)]
 pub struct Server {
     url: String,
@@ -90,11 +90,11 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves `board` at an address and port (0: any that is free). `figures` makes the figures' JSON, about 30 times a second while
-    /// somebody looks. Commands go to `asked`, and `ring` is called after each.
+    /// Serves `board` at an address and port (0: any that is free). `figures` creates the JSON of the figures, about
+    /// 30 times a second while there is a viewer. Commands go to `asked`, and `ring` is called after each.
     ///
     /// # Errors
-    /// [`LiveError::Bind`] if the port is taken, [`LiveError::Thread`].
+    /// [`LiveError::Bind`] if the port is in use, [`LiveError::Thread`].
     pub fn start(
         at: (IpAddr, u16),
         board: Arc<Board>,
@@ -111,20 +111,20 @@ impl Server {
         Ok(Self { url, token, _service: service })
     }
 
-    /// Where it can be looked at: `http://127.0.0.1:8080/`.
+    /// URL of the page: `http://127.0.0.1:8080/`.
     #[must_use]
     pub fn url(&self) -> &str {
         &self.url
     }
 
-    /// The same for whoever may command.
+    /// The same with the token, for viewers that may send commands.
     #[must_use]
     pub fn url_with_token(&self) -> String {
         format!("{}#token={}", self.url, self.token)
     }
 }
 
-/// Where everything is served, this machine is one place to look from.
+/// If all addresses are served, the URL uses the loopback.
 fn url(served: SocketAddr) -> String {
     let host = match served.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => "127.0.0.1".to_owned(),
@@ -150,13 +150,13 @@ async fn connect(listener: TcpListener, house: House) {
     let app = router(house);
     let room = Arc::new(Semaphore::new(CONNECTIONS));
     let take = |stream| {
-        // Too many at once: the connection is closed.
+        // Too many connections: this one is closed.
         let Ok(permit) = Arc::clone(&room).try_acquire_owned() else { return };
         let service = TowerToHyperService::new(app.clone());
         tokio::spawn(async move {
             let mut http = http1::Builder::new();
             http.timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(16 << 10);
-            // Whatever goes wrong with a connection ends that one only.
+            // An error of one connection ends only that one.
             let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
             drop(permit);
         });
@@ -174,7 +174,7 @@ fn router(house: House) -> Router {
         .with_state(house)
 }
 
-/// Every request passes the door, and every answer has the headers.
+/// Every request passes the access control, and every answer has the headers.
 async fn guarded(State(house): State<House>, request: HttpRequest, next: Next) -> Response {
     let mut response = match house.desk.door.admits(request.headers()) {
         Ok(()) => next.run(request).await,

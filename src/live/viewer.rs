@@ -1,4 +1,5 @@
-//! One viewer: says when it is ready, gets the newest of what it has not seen, may command with the token.
+//! One viewer: it reports when it is ready, gets the newest content that it has not received, and may send commands
+//! with the token.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,20 +13,20 @@ use super::board::{Newest, PERIOD, PLACES, Seat};
 use super::request::{Command, Request};
 use super::server::{Desk, Reply};
 
-/// A viewer that takes nothing for so long, or does not answer a ping until the next, has gone.
+/// A viewer that accepts nothing for this time, or does not answer a ping before the next, is disconnected.
 const PATIENCE: Duration = Duration::from_secs(10);
 const PING: Duration = Duration::from_secs(20);
-/// Most messages that a viewer may send within a second: three times what the page sends on a fast display.
+/// Largest number of messages from a viewer per second: three times that of the page on a fast display.
 const MOST_PER_S: u32 = 400;
-/// Codes of a WebSocket's end: the server goes away; a message breaks the rules.
+/// Close codes of a WebSocket: the server goes away; a message violates the rules.
 const AWAY: u16 = 1001;
 const RULES: u16 = 1008;
 
 /// Why a viewer's connection ends.
 enum End {
-    /// It has gone, or takes nothing.
+    /// It has disconnected, or accepts nothing.
     Gone,
-    /// It has said what no viewer says.
+    /// It has sent an invalid message.
     Wrong(&'static str),
     /// The server ends.
     Stopped,
@@ -35,19 +36,19 @@ struct Viewer {
     socket: WebSocket,
     news: watch::Receiver<Newest>,
     seen: [u64; PLACES],
-    /// It is ready for more, but not before `due`.
+    /// Whether it is ready for more, though not before `due`.
     ready: bool,
     due: Instant,
-    /// It was heard since the last ping.
+    /// Whether it has sent a message since the last ping.
     heard: bool,
-    /// Messages of this second, and when it began.
+    /// Number of messages in this second, and its start.
     said: (u32, Instant),
     desk: Arc<Desk>,
-    /// The command that is being carried out.
+    /// The active command.
     waiting: Option<oneshot::Receiver<Reply>>,
 }
 
-/// Serves a viewer until it goes or the server ends.
+/// Serves a viewer until it disconnects or the server ends.
 pub(super) async fn serve(socket: WebSocket, seat: Seat, desk: Arc<Desk>, mut stop: watch::Receiver<bool>) {
     let news = seat.listen();
     let (seen, due) = ([0; PLACES], Instant::now());
@@ -63,12 +64,12 @@ pub(super) async fn serve(socket: WebSocket, seat: Seat, desk: Arc<Desk>, mut st
         End::Wrong(reason) => CloseFrame { code: RULES, reason: reason.into() },
         End::Stopped => CloseFrame { code: AWAY, reason: "the twin has ended".into() },
     };
-    // It may have gone meanwhile.
+    // It may have disconnected meanwhile.
     let _ = timeout(PATIENCE, viewer.socket.send(Message::Close(Some(frame)))).await;
 }
 
 impl Viewer {
-    /// Waits for whatever comes first, and does it.
+    /// Waits for the first event, and handles it.
     async fn turn(&mut self, stop: &mut watch::Receiver<bool>) -> Result<(), End> {
         let Self { socket, news, ready, due, waiting, .. } = self;
         let ping = Instant::now() + PING;
@@ -135,9 +136,9 @@ impl Viewer {
         self.send(Message::Text(text.into())).await
     }
 
-    /// Sends what it has not seen.
+    /// Sends the content that it has not received.
     async fn show(&mut self) -> Result<(), End> {
-        // from deadline to deadline, or whatever delays one would add up
+        // deadlines are absolute, so that delays do not accumulate
         (self.ready, self.due) = (false, (self.due + PERIOD).max(Instant::now()));
         let newest = self.news.borrow_and_update().clone();
         for (seen, (version, message)) in self.seen.iter_mut().zip(newest) {
@@ -162,7 +163,7 @@ async fn send(socket: &mut WebSocket, message: Message) -> Result<(), End> {
     }
 }
 
-/// What has become of a command; waits for ever if there is none.
+/// Outcome of the active command; waits forever if there is none.
 async fn answered(waiting: &mut Option<oneshot::Receiver<Reply>>) -> Reply {
     match waiting {
         None => std::future::pending().await,
@@ -175,11 +176,11 @@ async fn answered(waiting: &mut Option<oneshot::Receiver<Reply>>) -> Reply {
 
 /// Waits for the end of the server.
 async fn stopped(stop: &mut watch::Receiver<bool>) {
-    // An error is an end as well.
+    // An error means that the server has ended.
     let _ = stop.wait_for(|stopped| *stopped).await;
 }
 
-/// Waits for news, and not less than until `due`; false if there will be none.
+/// Waits for new content, and at least until `due`; false if there will be none.
 async fn newer(news: &mut watch::Receiver<Newest>, due: Instant) -> bool {
     sleep_until(due).await;
     news.changed().await.is_ok()

@@ -1,14 +1,14 @@
-//! The newest of what clients see.
+//! The newest content for clients.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::message::{Instrument, Packet, Surface, packet, points, transform};
 use crate::served::{self, News};
 
-/// Most clients at a time.
+/// Largest number of simultaneous clients.
 pub const CLIENTS: usize = 16;
 
-/// In the order in which they are sent.
+/// Slots, in the order in which they are sent.
 #[derive(Clone, Copy)]
 enum Place {
     Instrument,
@@ -18,10 +18,10 @@ enum Place {
 
 pub(super) const PLACES: usize = 3;
 
-/// A client's seat.
+/// The connection of one client.
 pub(super) type Seat = served::Seat<Packet, PLACES>;
 
-/// What does not change of a sample.
+/// The constant data of a sample.
 #[derive(Debug, Default)]
 struct Model {
     surface: Surface,
@@ -42,20 +42,20 @@ impl Default for Board {
 }
 
 impl Board {
-    /// Whether anybody is connected.
+    /// Whether a client is connected.
     #[must_use]
     pub fn is_watched(&self) -> bool {
         self.news.is_watched()
     }
 
-    /// Takes another sample and shows it undeformed: points, m, outward triangles among them, names of its targets.
+    /// Sets another sample and shows it undeformed: points, m, outward triangles among them, names of its targets.
     pub fn model(&self, points: &[[f64; 3]], triangles: &[[u32; 3]], targets: &[String]) {
         let model = Model { surface: Surface::new(points, triangles), targets: targets.to_vec() };
         *self.model.lock().unwrap_or_else(PoisonError::into_inner) = model;
         self.tissue(0, &[], &[]);
     }
 
-    /// Shows the sample at a moment: displacement of each of the model's points and place of each target, m.
+    /// Shows the sample at one time: displacement of each of the model's points and position of each target, m.
     pub fn tissue(&self, stamp_nanos: i64, displacements: &[[f64; 3]], targets: &[[f64; 3]]) {
         let model = self.model.lock().unwrap_or_else(PoisonError::into_inner);
         let surface = packet("POLYDATA", "Sample", stamp_nanos, &model.surface.message(displacements));
@@ -67,7 +67,7 @@ impl Board {
         }
     }
 
-    /// Shows the instrument. The same again is no news.
+    /// Shows the instrument. An unchanged instrument is not sent again.
     pub(super) fn instrument(&self, at: &Instrument) {
         self.put(Place::Instrument, packet("TRANSFORM", "NeedleToSample", at.stamp_nanos, &transform(at)));
     }

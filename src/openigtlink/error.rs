@@ -1,4 +1,4 @@
-//! Why there is no link.
+//! Why the OpenIGTLink server can't be started.
 
 use std::net::SocketAddr;
 
@@ -6,17 +6,17 @@ use std::net::SocketAddr;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LinkError {
-    /// The port is taken, or the address is not of this machine.
+    /// The port is in use, or the address does not belong to this machine.
     #[error(
         "OpenIGTLink can't be served at {address}: {source}. Choose another openigtlink_port (0: any that is free) or openigtlink_address"
     )]
     Bind {
-        /// Where it was to be.
+        /// The requested address.
         address: SocketAddr,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// No thread, or no runtime in it.
+    /// No thread could be started, or no runtime in it.
     #[error("the thread of OpenIGTLink can't be started: {0}")]
     Thread(String),
 }

@@ -9,21 +9,21 @@ use std::sync::Arc;
 
 use crc::{CRC_64_ECMA_182, Crc};
 
-/// A message, header and all.
+/// A message including its header.
 pub(super) type Packet = Arc<[u8]>;
 
 const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_ECMA_182);
 const VERSION: u16 = 1;
 const MM: f64 = 1e3;
-/// Bytes of a name of a point, of its group, and of the image that owns it.
+/// Size of the name of a point, of its group, and of the image that owns it, bytes.
 const NAME: usize = 64;
 const GROUP: usize = 32;
 const OWNER: usize = 20;
-/// Colour of a target, red, green, blue, opacity, and its diameter, mm.
+/// Colour of a target (red, green, blue, opacity), and its diameter, mm.
 const COLOUR: [u8; 4] = [255, 170, 0, 255];
 const DIAMETER: f32 = 1.0;
 
-/// Where the instrument is.
+/// Pose of the instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instrument {
     /// Stamp of the pose, ns.
@@ -34,7 +34,7 @@ pub struct Instrument {
     pub axis: [f64; 3],
 }
 
-/// A body with its header. Names that are too long are cut.
+/// A body with its header. Names that are too long are truncated.
 pub(super) fn packet(kind: &str, device: &str, stamp_nanos: i64, body: &[u8]) -> Packet {
     let mut bytes = Vec::with_capacity(58 + body.len());
     bytes.extend(VERSION.to_be_bytes());
@@ -47,7 +47,7 @@ pub(super) fn packet(kind: &str, device: &str, stamp_nanos: i64, body: &[u8]) ->
     bytes.into()
 }
 
-/// Text of so many bytes, filled with zeros; one zero at least is its end.
+/// Text of a fixed size, padded with zeros; at least one zero terminates it.
 fn fixed<const N: usize>(text: &str) -> [u8; N] {
     let mut bytes = [0; N];
     for (place, byte) in bytes.iter_mut().take(N - 1).zip(text.bytes()) {
@@ -56,7 +56,7 @@ fn fixed<const N: usize>(text: &str) -> [u8; N] {
     bytes
 }
 
-/// Seconds in the upper 32 bits, their fraction in the lower; before 1970 there is nothing.
+/// Seconds in the upper 32 bits, their fraction in the lower. Times before 1970 give 0.
 fn stamp(nanos: i64) -> u64 {
     const SECOND: u64 = 1_000_000_000;
     let nanos = u64::try_from(nanos).unwrap_or(0);
@@ -67,15 +67,16 @@ fn millimetres(metres: [f64; 3]) -> impl Iterator<Item = u8> {
     metres.into_iter().flat_map(|x| ((MM * x) as f32).to_be_bytes())
 }
 
-/// TRANSFORM: the columns of the rotation, then the tip. The third column points along the instrument into the sample, as the needle
-/// that Slicer's module Create Models draws: its tip lies in the origin and points to +z.
+/// TRANSFORM: the columns of the rotation, then the tip. The third column points along the instrument into the
+/// sample. Slicer's module Create Models draws needles in the same way: the tip is at the origin and points to +z.
 pub(super) fn transform(at: &Instrument) -> Vec<u8> {
     let columns = frame(at.axis);
     let rotation = columns.into_iter().flatten().flat_map(|x| (x as f32).to_be_bytes());
     rotation.chain(millimetres(at.tip)).collect()
 }
 
-/// A right-handed frame whose third axis is a unit vector; its first lies as near to x as can be, or to y where the third is x.
+/// A right-handed frame whose third axis is a given unit vector. Its first axis is as close to x as possible, or to y
+/// if the third axis is x.
 fn frame(axis: [f64; 3]) -> [[f64; 3]; 3] {
     let near = if axis[0].abs() < 0.9 { 0 } else { 1 };
     let across: [f64; 3] = std::array::from_fn(|k| f64::from(u8::from(k == near)) - axis[near] * axis[k]);
@@ -85,17 +86,17 @@ fn frame(axis: [f64; 3]) -> [[f64; 3]; 3] {
     [x, y, a]
 }
 
-/// The surface of a sample: its points among all, and its triangles among them.
+/// The surface of a sample: its points and triangles.
 #[derive(Debug, Default)]
 pub(super) struct Surface {
-    /// Index and undeformed place of each point, m.
+    /// Index and undeformed position of each point, m.
     points: Vec<(usize, [f64; 3])>,
-    /// As they are sent: the number of corners and the corners of each triangle.
+    /// Encoded triangles: the number of corners and the corners of each.
     polygons: Vec<u8>,
 }
 
 impl Surface {
-    /// Of triangles among points; triangles of points that aren't there are left out.
+    /// Takes triangles among points; triangles with invalid indices are left out.
     pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
         let mut number = vec![None; points.len()];
         let mut surface = Self::default();
@@ -113,8 +114,9 @@ impl Surface {
         surface
     }
 
-    /// POLYDATA: numbers of points, then of cells and their bytes for vertices, lines, polygons and strips, then of attributes; the points;
-    /// the polygons; the displacement of each point, mm, as a scalar. `displacements` are of all points, m.
+    /// POLYDATA: number of points; number of cells and of their bytes for vertices, lines, polygons and strips;
+    /// number of attributes; the points; the polygons; the displacement of each point, mm, as a scalar.
+    /// `displacements` are those of all points, m.
     pub fn message(&self, displacements: &[[f64; 3]]) -> Vec<u8> {
         let (points, bytes) = (self.points.len() as u32, self.polygons.len() as u32);
         let head = [points, 0, 0, 0, 0, bytes / 16, bytes, 0, 0, 1];
@@ -128,7 +130,8 @@ impl Surface {
     }
 }
 
-/// One scalar for each point: type 0, one component, their number; the name, filled up to an even number of bytes; the numbers.
+/// One scalar for each point: type 0, one component, their number; the name, padded to an even number of bytes; the
+/// numbers.
 fn attribute(body: &mut Vec<u8>, name: &str, values: impl ExactSizeIterator<Item = f64>) {
     body.extend([0, 1]);
     body.extend((values.len() as u32).to_be_bytes());
@@ -141,7 +144,7 @@ fn norm([x, y, z]: [f64; 3]) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// POINT: name, group, colour, place, diameter and owner of each.
+/// POINT: name, group, colour, position, diameter and owner of each.
 pub(super) fn points(names: &[String], places: &[[f64; 3]]) -> Vec<u8> {
     let one = |(name, place): (&String, &[f64; 3])| {
         let mut bytes = fixed::<NAME>(name).to_vec();
@@ -166,7 +169,7 @@ mod tests {
 
     #[test]
     fn the_header_says_type_device_stamp_length_and_checksum() {
-        // the check value that catalogues of checksums give for this polynomial
+        // the published check value of this polynomial
         assert_eq!(CRC.checksum(b"123456789"), 0x6c40_df5f_0b49_7347);
         let packet = packet("TRANSFORM", "NeedleToSample", 1_500_000_000, b"123456789");
         assert_eq!((&packet[..2], &packet[2..11], packet[11]), (&[0, 1][..], &b"TRANSFORM"[..], 0));

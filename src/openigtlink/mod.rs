@@ -1,16 +1,16 @@
-//! What 3D Slicer and other programs for image-guided therapy see of a run, by OpenIGTLink over TCP: the instrument's transform,
-//! the deformed surface, the targets.
+//! OpenIGTLink server over TCP: sends the instrument's transform, the deformed surface and the targets of a run to 3D
+//! Slicer and other programs for image-guided therapy.
 //!
 //! ```text
 //! tissue thread ──newest surface, targets──► board ──► link thread ──► clients (TCP)
 //!       newest answer ──instrument, 100 Hz──────────────────┘
 //! ```
-//! Clients read only: what they send is dropped. One that is slow gets the newest when it is ready, and nobody waits for it. Lengths are
-//! mm, as in every program that speaks this protocol, in frame `sample` taken for right, anterior, superior. Nothing is to be made
-//! while [`Board::is_watched`] says no.
+//! Clients only receive: what they send is discarded. A slow client gets the newest content when it is ready, and
+//! nobody waits for it. Lengths are in mm, as in all programs with this protocol, in frame `sample` taken as right,
+//! anterior, superior. No content needs to be produced while [`Board::is_watched`] is false.
 //!
-//! The crate `openigtlink-rust` (0.4.1) is not used: its POLYDATA has another layout than the protocol's, and it brings TLS in C
-//! (docs/lab/libraries.md).
+//! The crate `openigtlink-rust` (0.4.1) is not used: its POLYDATA has another layout than the protocol's, and it
+//! depends on TLS in C (docs/lab/libraries.md).
 
 mod board;
 mod error;

@@ -1,4 +1,5 @@
-//! The link's thread: takes clients, looks for the newest pose while one is there, sends each what it has not seen.
+//! The link's thread: accepts clients, reads the newest pose while there is one, and sends each client what it has
+//! not received.
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -15,16 +16,16 @@ use super::error::LinkError;
 use super::message::Instrument;
 use crate::served::{Service, accept, bind};
 
-/// Time between two looks for the instrument: 100 Hz.
+/// Period of reading the instrument's pose: 100 Hz.
 const PERIOD: Duration = Duration::from_millis(10);
-/// A client that takes nothing for so long has gone.
+/// A client that accepts nothing for this time is disconnected.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Most bytes that a client may send within a second: a few requests, all of which are dropped.
+/// Largest number of bytes that a client may send per second: a few requests, all of which are discarded.
 const MOST_PER_S: usize = 64 << 10;
-/// The thread gets so long to end.
+/// Time that the thread gets to end.
 const FAREWELL: Duration = Duration::from_millis(200);
 
-/// A link that is being served, until this is dropped.
+/// A link that is served until this is dropped.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -32,11 +33,11 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves `board` at an address and port (0: any that is free). `instrument` says where the instrument is, a hundred times a second while
-    /// somebody is connected; `None` says that nothing is known.
+    /// Serves `board` at an address and port (0: any that is free). `instrument` returns the instrument's pose, a
+    /// hundred times a second while a client is connected; `None` if it is not known.
     ///
     /// # Errors
-    /// [`LinkError::Bind`] if the port is taken, [`LinkError::Thread`].
+    /// [`LinkError::Bind`] if the port is in use, [`LinkError::Thread`].
     pub fn start(
         at: (IpAddr, u16),
         board: Arc<Board>,
@@ -48,7 +49,7 @@ impl Server {
         Ok(Self { address, _service: service })
     }
 
-    /// Where it is.
+    /// Its address.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
@@ -66,7 +67,7 @@ async fn serve(
             board.instrument(&at);
         }
     };
-    // As many as there are seats; the connection of one more is closed.
+    // The number of clients is limited; the connection of a further one is closed.
     let take = |stream| {
         if let Some(seat) = Seat::take(&board.news) {
             tokio::spawn(client(stream, seat));
@@ -80,7 +81,7 @@ async fn serve(
 }
 
 async fn client(stream: TcpStream, seat: Seat) {
-    // Only a matter of latency.
+    // A failure affects only the latency.
     let _ = stream.set_nodelay(true);
     let (reading, writing) = stream.into_split();
     tokio::select! {
@@ -89,7 +90,7 @@ async fn client(stream: TcpStream, seat: Seat) {
     }
 }
 
-/// Drops what a client sends, until it goes or sends too much.
+/// Discards what a client sends, until it disconnects or sends too much.
 async fn drain(mut reading: OwnedReadHalf) {
     let mut bytes = [0; 1024];
     let (mut second, mut count) = (Instant::now(), 0);
@@ -104,7 +105,7 @@ async fn drain(mut reading: OwnedReadHalf) {
     }
 }
 
-/// Sends the newest of what a client has not seen, until it goes.
+/// Sends the newest content that a client has not received, until it disconnects.
 async fn show(mut writing: OwnedWriteHalf, seat: &Seat) {
     let mut news = seat.listen();
     let mut seen = [0; PLACES];

@@ -1,6 +1,6 @@
-//! The twin, the rig and the guard as ROS 2 nodes, over a DDS of our own (no ROS installation needed).
+//! The twin, the rig and the guard as ROS 2 nodes, with their own DDS (no ROS installation needed).
 //!
-//! What every ROS 2 program does is the crate `ros2_node`.
+//! The functions that every ROS 2 program needs are in the crate `ros2_node`.
 
 pub mod guard_node;
 pub mod observer;

@@ -1,4 +1,4 @@
-//! Listens to rig and twin as any third program could: keeps what they say, and records it into a bag.
+//! Subscribes to rig and twin like any third program: stores their messages, and records them into a bag.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -18,17 +18,17 @@ use ros2_node::service::Client;
 use ros2_node::start::NodeError;
 use rosbag2_mcap::{BagWriter, Qos, TopicId};
 
-/// Messages that may wait between two looks: seconds at any sensible rate.
+/// Queue length between two polls: seconds at any sensible rate.
 const DEPTH: usize = 4000;
 
-/// A value with the stamp of its header and the wall time at which it came, both in ns.
+/// A value with the stamp of its header and the wall time of its reception, both in ns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heard<T> {
     /// Stamp of the header.
     pub stamp_ns: i64,
-    /// When it was received.
+    /// Time of reception.
     pub received_ns: i64,
-    /// What was said.
+    /// The value.
     pub value: T,
 }
 
@@ -41,7 +41,7 @@ pub struct PointFields {
     pub von_mises_pa: Vec<f64>,
 }
 
-/// Everything that was heard, in the order in which it came.
+/// All received messages, in the order of reception.
 #[derive(Debug, Default)]
 pub struct Observations {
     /// The model, once the twin has built it.
@@ -52,9 +52,9 @@ pub struct Observations {
     pub measured: Vec<Heard<[f64; 3]>>,
     /// Prediction, N.
     pub predicted: Vec<Heard<[f64; 3]>>,
-    /// State of the twin.
+    /// Status of the twin.
     pub status: Vec<Heard<TwinStatus>>,
-    /// What happened to the tissue.
+    /// Events in the tissue.
     pub events: Vec<Heard<TissueEvent>>,
     /// Displacements.
     pub tissue: Vec<Heard<TissueState>>,
@@ -64,11 +64,11 @@ pub struct Observations {
     pub targets: Vec<Heard<Vec<[f64; 3]>>>,
     /// Last value of each key of `/diagnostics`.
     pub diagnostics: BTreeMap<String, String>,
-    /// Comparisons that the twin published.
+    /// Number of comparisons that the twin published.
     pub comparisons: u64,
 }
 
-/// Writes what is heard. A bag that can't be written is said once; the listening goes on.
+/// Writes the received messages. A failure is reported once, and the observation continues.
 struct Recorder {
     writer: BagWriter,
     topics: BTreeMap<String, TopicId>,
@@ -110,14 +110,14 @@ pub struct Observer {
     asked: Option<Instant>,
     resumed: bool,
     recorder: Option<Recorder>,
-    /// What was heard so far.
+    /// The messages received so far.
     pub heard: Observations,
     participant: Option<Participant>,
 }
 
 impl Observer {
     /// Joins the domain as node `/demo` and subscribes to everything that rig and twin publish in the root namespace.
-    /// What is heard goes into `bag`, if there is one.
+    /// The messages are recorded into `bag`, if there is one.
     ///
     /// # Errors
     /// [`NodeError`] if the network can't be joined.
@@ -148,13 +148,13 @@ impl Observer {
         Ok(observer)
     }
 
-    /// Whether rig and twin are both heard.
+    /// Whether there are publishers of both rig and twin.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.joint.publishers() > 0 && self.wrench.publishers() > 0 && self.force.publishers() > 0
     }
 
-    /// Calls the rig's `~/resume` until it answers; true once it has.
+    /// Calls the rig's `~/resume` until it answers; returns true after the answer.
     pub fn resume_rig(&mut self) -> bool {
         if !self.resumed && self.asked.is_none_or(|at| at.elapsed() > Duration::from_millis(500)) {
             self.asked = Some(Instant::now());
@@ -166,7 +166,7 @@ impl Observer {
         self.resumed
     }
 
-    /// Takes everything that has come.
+    /// Takes all messages that have arrived.
     pub fn poll(&mut self) {
         let Self { heard, recorder, .. } = self;
         let (reliable, best_effort) = (Qos::reliable(10), Qos::best_effort(5));
@@ -206,7 +206,7 @@ impl Observer {
         });
     }
 
-    /// Leaves the network and closes the bag: what was heard, and what could not be recorded.
+    /// Leaves the network and closes the bag. Returns the received messages, and the error of the recording, if any.
     #[must_use]
     pub fn leave(mut self) -> (Observations, Option<String>) {
         drop(self.participant.take());
@@ -236,7 +236,7 @@ fn heard_force(message: &WrenchStamped, received_ns: i64) -> Heard<[f64; 3]> {
     Heard { stamp_ns: message.header.stamp.nanos(), received_ns, value: message.wrench.force.into() }
 }
 
-/// The scalar fields of a cloud; a field that it does not have stays empty.
+/// The scalar fields of a cloud; a field that it does not have is empty.
 fn point_fields(cloud: &PointCloud2) -> PointFields {
     let step = usize::try_from(cloud.point_step).unwrap_or(0);
     let column = |name: &str| -> Vec<f64> {

@@ -1,4 +1,4 @@
-//! The scene's keys as parameters of the node, by their dotted path, straight from the registry of keys.
+//! Declares the scene's keys as parameters of the node, with their dotted paths, from the registry of keys.
 
 use ros2_client::ParameterValue;
 
@@ -11,7 +11,7 @@ use ros2_node::start::NodeError;
 /// A scene by the name of a preset or by a path.
 ///
 /// # Errors
-/// [`NodeError`] if it is neither, or the file has a mistake.
+/// [`NodeError`] if it is neither, or the file is not valid.
 pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
     file::load(name_or_path).map_err(NodeError::program)
 }
@@ -26,7 +26,7 @@ pub fn declarations(scene: &Scene) -> Vec<Declaration> {
             let key = keys::find(&path)?;
             let default = to_parameter(&value);
             let range = match key.kind {
-                // The closed interval; ends that are not allowed are refused by the scene itself.
+                // The closed interval; the scene itself rejects excluded ends.
                 Kind::Real(range) => Range::Double(range.low, range.high),
                 Kind::Integer(low, high) => Range::Integer(low, high),
                 _ => Range::Any,
@@ -43,7 +43,7 @@ pub fn declarations(scene: &Scene) -> Vec<Declaration> {
 /// The scene with the keys that the command line changes for this node.
 ///
 /// # Errors
-/// [`NodeError::Program`] for what the scene refuses.
+/// [`NodeError::Program`] if the scene rejects a value.
 pub fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Result<Scene, NodeError> {
     let changes: Vec<Override> = overrides
         .iter()

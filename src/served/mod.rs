@@ -1,4 +1,4 @@
-//! What the servers of a run share: a thread with a runtime of its own, and the newest of what is shown, for whoever has a seat.
+//! Common part of a run's servers: a thread with its own runtime, and the newest content for connected clients.
 
 mod news;
 mod service;

@@ -1,4 +1,4 @@
-//! The newest of what is shown, in a few places. Whoever puts something replaces what stood there, and never waits for who looks.
+//! The newest content in several slots. A writer replaces the previous content and never waits for readers.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// What stands in each place, and how often it was replaced.
+/// Content of each slot, and a count of its replacements.
 pub type Newest<T, const PLACES: usize> = [(u64, Option<T>); PLACES];
 
 /// See the module.
@@ -18,20 +18,20 @@ pub struct News<T, const PLACES: usize> {
 }
 
 impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
-    /// Nothing yet, and nobody in so many seats.
+    /// Empty, with a limited number of seats (connections) for readers.
     #[must_use]
     pub fn new(seats: usize) -> Self {
         let newest = watch::Sender::new(std::array::from_fn(|_| (0, None)));
         Self { newest, taken: watch::Sender::new(0), seats }
     }
 
-    /// Whether anybody has a seat.
+    /// Whether there is a reader.
     #[must_use]
     pub fn is_watched(&self) -> bool {
         *self.taken.borrow() > 0
     }
 
-    /// Puts something in a place. What is as before is no news.
+    /// Puts content into a slot. Unchanged content does not notify readers.
     pub fn put(&self, place: usize, shown: T) {
         self.newest.send_if_modified(|newest| {
             let Some((version, stands)) = newest.get_mut(place) else { return false };
@@ -43,20 +43,20 @@ impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
         });
     }
 
-    /// Hears of everything that is put.
+    /// Receives all changes from now on.
     #[must_use]
     pub fn listen(&self) -> watch::Receiver<Newest<T, PLACES>> {
         self.newest.subscribe()
     }
 
-    /// Waits until nobody has a seat.
+    /// Waits until there is no reader.
     #[cfg(feature = "page")]
     pub async fn left(&self) {
-        // an error is that the news are gone, and with them whoever looked
+        // an error means that the content was dropped, and all readers with it
         let _ = self.taken.subscribe().wait_for(|n| *n == 0).await;
     }
 
-    /// Does something again and again, a period apart, while somebody has a seat; for ever.
+    /// Calls `act` periodically while there is a reader; never returns.
     pub async fn while_watched(&self, period: Duration, mut act: impl FnMut()) {
         let mut taken = self.taken.subscribe();
         let mut beat = interval(period);
@@ -68,12 +68,12 @@ impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
     }
 }
 
-/// A seat, given back when it is dropped.
+/// A seat for one reader; it is returned when dropped.
 #[derive(Debug)]
 pub struct Seat<T, const PLACES: usize>(Arc<News<T, PLACES>>);
 
 impl<T: Clone + PartialEq, const PLACES: usize> Seat<T, PLACES> {
-    /// If one is free.
+    /// Takes a seat, if one is free.
     #[must_use]
     pub fn take(news: &Arc<News<T, PLACES>>) -> Option<Self> {
         let sat = news.taken.send_if_modified(|n| {
@@ -84,7 +84,7 @@ impl<T: Clone + PartialEq, const PLACES: usize> Seat<T, PLACES> {
         sat.then(|| Self(Arc::clone(news)))
     }
 
-    /// Hears of everything that is put, and of what stands there already.
+    /// Receives all changes, and the present content.
     #[must_use]
     pub fn listen(&self) -> watch::Receiver<Newest<T, PLACES>> {
         let mut news = self.0.listen();

@@ -1,4 +1,4 @@
-//! A thread that serves, until it is dropped.
+//! A server thread that ends when it is dropped.
 
 use std::future::Future;
 use std::io;
@@ -11,10 +11,10 @@ use tokio::net::TcpStream;
 use tokio::sync::watch;
 use tokio::time::sleep;
 
-/// A listener at an address and port (0: any that is free), and where that is.
+/// A listener at an address and port (0: any that is free), and its actual address.
 ///
 /// # Errors
-/// Where it was to be, and what the system says.
+/// The requested address, and the error of the system.
 pub fn bind((address, port): (IpAddr, u16)) -> Result<(TcpListener, SocketAddr), (SocketAddr, io::Error)> {
     let wanted = SocketAddr::new(address, port);
     let listen = || {
@@ -31,16 +31,16 @@ pub fn bind((address, port): (IpAddr, u16)) -> Result<(TcpListener, SocketAddr),
 pub struct Service {
     stop: watch::Sender<bool>,
     thread: Option<JoinHandle<()>>,
-    /// Its thread gets so long to end.
+    /// Time that its thread gets to end.
     farewell: Duration,
 }
 
 impl Service {
-    /// Runs what `serve` makes in a thread of a name and of lower priority. `serve` is told how it hears of the end, of which the
-    /// thread gets `farewell` to make its own.
+    /// Runs the future from `serve` in a named thread with lower priority. `serve` gets a receiver for the request to
+    /// end; the thread then has the time `farewell` to finish.
     ///
     /// # Errors
-    /// Why there is no thread, or no runtime in it.
+    /// Why no thread could be started, or no runtime in it.
     pub fn start<F: Future<Output = ()>>(
         name: &str,
         farewell: Duration,
@@ -66,13 +66,13 @@ impl Drop for Service {
     }
 }
 
-/// Hands each connection on, for ever.
+/// Passes on each connection; never returns.
 pub async fn accept(listener: TcpListener, mut take: impl FnMut(TcpStream)) {
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
     loop {
         match listener.accept().await {
             Ok((stream, _)) => take(stream),
-            // Out of file descriptors, or the peer has gone: nothing that would be better at once.
+            // Out of file descriptors, or the peer has disconnected: an immediate retry would fail again.
             Err(_) => sleep(Duration::from_millis(50)).await,
         }
     }

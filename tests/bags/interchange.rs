@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_recording::{Recording, Selection, TopicNames};
-use needle_twin::rig::make::RigScene;
+use needle_rig::make::RigScene;
 use ros2_messages::{
     RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs,
     schema::{recorded_types, schema},

@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_recording::{Recording, TopicNames};
-use needle_twin::rig::embedded;
-use needle_twin::rig::make::{RigRecording, RigScene};
-use needle_twin::rig::sensors::{DisplacementModel, LoadCellModel};
+use needle_rig::embedded;
+use needle_rig::make::{RigRecording, RigScene};
+use needle_rig::sensors::{DisplacementModel, LoadCellModel};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Pose, PoseStamped, Quaternion, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;

@@ -1,7 +1,7 @@
 //! `calibrate`: what it prints, that what made a recording comes back, how sure it is, and what it refuses.
 #![allow(clippy::unwrap_used)]
 
-use needle_estimate::compare::Unwatched;
+use needle_estimate::compare::Cancel;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
@@ -10,7 +10,7 @@ use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, c
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_recording::{At, ForceSeries, Reading};
 use needle_recording::{Recording, TopicNames};
-use needle_twin::rig::make::{RigRecording, RigScene};
+use needle_rig::make::{RigRecording, RigScene};
 use serde_json::Value;
 
 const MODULUS: &str = "material.shear_modulus_pa";
@@ -103,7 +103,7 @@ fn from_seed(scene: RigScene, key: &str, seed: u64) -> Calibration {
         table: None,
     };
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    one_thread.install(|| calibrate(&task, &mut Unwatched, &mut |_| {})).unwrap()
+    one_thread.install(|| calibrate(&task, &mut Cancel::default(), &mut |_| {})).unwrap()
 }
 
 #[test]

@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 use needle_estimate::compare::crossing::{Crossing, Crossings};
-use needle_twin::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use needle_rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 
 const SPEED: f64 = 5e-3;
 /// Way over which the rod's drops are spread, m.

@@ -234,3 +234,13 @@ fn this_version_has_its_release_notes() {
     let digits = |part: &str| part.chars().all(|c| c.is_ascii_digit());
     assert!(date.len() == 10 && date.split('-').all(digits) && date.split('-').count() == 3, "{date}: YYYY-MM-DD");
 }
+
+#[test]
+fn the_book_has_every_page_of_the_handbook() {
+    let docs = root().join("docs");
+    let entries: BTreeSet<String> = links(&read(&docs.join("SUMMARY.md"))).into_iter().collect();
+    let names = fs::read_dir(&docs).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let left_out: Vec<String> =
+        names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md" && !entries.contains(name)).collect();
+    assert!(left_out.is_empty(), "pages that docs/SUMMARY.md leaves out: {left_out:?}");
+}

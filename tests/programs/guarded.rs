@@ -7,10 +7,11 @@
 
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{StampedPose, Twin};
+use needle_estimate::compare::Cancel;
 use needle_estimate::compare::ensemble::assimilate::Observed;
 use needle_estimate::compare::ensemble::{self, Assimilation, Crew, Size};
+use needle_rig::MotionLimits;
 use needle_twin::guard::{Guard, Heard, Orders, Outlook, Phase, Place, Sight};
-use needle_twin::rig::MotionLimits;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -150,7 +151,7 @@ impl Campaign {
         let drawn = ensemble::members(&uncertain(&own, &[STIFFNESS, DEEP, BEGINS]), Size { members, seed: 0 }).unwrap();
         let mut scenes = vec![own, scene(Some(LAYER_M - OFF_M)), scene(Some(LAYER_M + OFF_M))];
         scenes.extend(drawn.into_iter().map(|member| member.scene));
-        let crew = Crew { threads: 2, stop: None, done: &|| {} };
+        let crew = Crew { threads: 2, cancel: Cancel::default(), done: &|| {} };
         let mut curves = crew.each(scenes.len(), |k| Curve::of(&scenes[k])).unwrap();
         let members = curves.split_off(3);
         let samples = curves.split_off(1);

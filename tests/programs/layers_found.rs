@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 use needle_estimate::layers::{LayersError, Reading, layers};
-use needle_twin::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use needle_rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 
 /// Upper boundary m, friction N/m, cutting N, puncture N.
 const TRUTH: [[f64; 4]; 3] = [[0.0, 6.0, 0.010, 0.030], [0.003, 3.0, 0.006, 0.016], [0.007, 9.0, 0.014, 0.035]];

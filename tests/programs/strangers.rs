@@ -124,8 +124,55 @@ const TABLES: &[Case] = &[
     case(9, "import @/old.db3", 1, &["sqlite3", "rosbags-convert"]),
     case(9, "import @/old.mat", 1, &["MATLAB", "writetable", "scipy.io"]),
     case(9, "import @/new.mat", 1, &["version 7.3", "h5py"]),
-    case(9, "import @/old.npz", 1, &["NumPy", "n.load", "to_csv"]),
-    case(9, "import @/old.xlsx", 1, &["spreadsheet", "read_excel"]),
+    case(9, "import @/old.xls", 1, &["spreadsheet", "read_excel", "to_csv"]),
+    case(9, "import @/old.npz", 1, &["no archive of NumPy"]),
+    case(9, "import @/old.xlsx", 1, &["can't be opened", "without a password", "CSV"]),
+    case(9, "import tables/workbook.xlsx", 0, FORTY),
+    case(
+        9,
+        "import tables/workbook.xlsx",
+        0,
+        &[
+            "sheet `Gel 7`",
+            "data from line 6",
+            "`Gel 8` hold numbers as well: --sheet takes another",
+            "column 3 `Depth (mm)`",
+        ],
+    ),
+    case(9, "import tables/workbook.xlsx --sheet Gel_8", 1, &["no such sheet", "`Notes`, `Gel 7`, `Gel 8`"]),
+    case(9, "import tables/workbook.xlsx --sheet Notes", 1, &["no rows of numbers"]),
+    case(
+        9,
+        "import tables/dates_and_error.xlsx",
+        3,
+        &["line 9: error #DIV/0!", "depth  40", "force  39", "0.000 to 3.900 s"],
+    ),
+    case(9, "import tables/no_table.xlsx", 1, &["no sheet has rows of numbers", "`Sheet`", "--sheet"]),
+    case(9, "import tables/state_column.csv --sheet Gel", 1, &["--sheet says nothing of"]),
+    case(9, "import tables/arrays.npz", 0, FORTY),
+    case(9, "import tables/arrays.npz", 0, &["`rate_hz`", "left out", "`operator`"]),
+    case(9, "import tables/two_lengths.npz", 1, &["two tables", "--force-file"]),
+    case(9, "import tables/fields.npy", 0, FORTY),
+    case(
+        9,
+        "import tables/array.npy --time 1 --time-unit s --position 2 --position-unit mm --force 3 --force-unit N",
+        0,
+        FORTY,
+    ),
+    case(9, "import tables/array.npy", 1, &["--position", "1 `1`, 2 `2`, 3 `3`"]),
+    case(9, "import tables/transposed.npy", 1, &["(3, 40)", ".T)"]),
+    case(9, "import tables/array.npy --separator ;", 1, &["--separator says nothing of"]),
+    case(10, "import @/long.csv", 0, &["depth  300000 readings from 0.000 to 2999.990 s", "force  300000 readings"]),
+    case(8, "import @/zero.csv --force-zero 4.5", 0, FORTY),
+    case(8, "import @/zero.csv --force-zero 4.5,0,0", 1, &["--force-zero X,Y,Z says nothing of", "give one number"]),
+    case(8, "import @/zeros.csv --force-columns Fx,Fy,Fz --force-zero -3,4.5,0.25", 0, FORTY),
+    case(
+        8,
+        "import @/zeros.csv --force-columns Fx,Fy,Fz --force-zero 4.5",
+        1,
+        &["--force-zero with one number", "X,Y,Z"],
+    ),
+    case(8, "import @/depths.csv --force-zero 4.5", 1, &["--force-zero says nothing of a recording without a force"]),
 ];
 
 const COARSE: &str = " --scene compression --set discretisation.spacing_m=0.003";
@@ -170,6 +217,25 @@ const BAGS: &[Case] = &[
     case(16, "replay bags/cp_transform.mcap", 0, EXPLAINED),
     case(7, "replay @/end_of_travel.csv", 1, &["never touched", "--position-zero -3.5"]),
     case(7, "replay @/off.csv", 3, &["touched at a recorded depth of 3.2"]),
+    case(
+        8,
+        "replay @/beside.csv --force-columns Fx,Fy,Fz",
+        1,
+        &["30 degrees beside the instrument", "--sensor-rotation W,X,Y,Z (0.96593,0.25882,0.00000,0.00000"],
+    ),
+    case(
+        8,
+        "replay @/beside.csv --force-columns Fx,Fy,Fz --force-zero 0,4.5,-1 \
+         --sensor-rotation 0.96593,0.25882,0,0",
+        0,
+        &["the model explains"],
+    ),
+    case(
+        8,
+        "calibrate @/loaded.csv --fit material.shear_modulus_pa",
+        0,
+        &["load_cell.offset_n = 4.5", "material.shear_modulus_pa = 16", "the model explains"],
+    ),
     case(8, "replay @/turned.csv --force-columns Fx,Fy,Fz", 1, &["mainly along x", "--sensor-rotation"]),
 ];
 const NEEDLE: &str = " --scene needle_insertion";
@@ -189,10 +255,70 @@ const POSES: &[Case] = &[
     case(17, "replay bags/cp_world.mcap --gauge-length-m 0.1", 1, &["--gauge-length-m says nothing of a bag"]),
 ];
 const CHECKS: &[Case] = &[
+    case(18, "scene check meshes/overlap.toml", 0, &["ok", "30 x 30 x 20 mm"]),
+    case(
+        19,
+        "scene check meshes/rat_mm.toml",
+        0,
+        &["the mesh is 6000 x 6000 x 4000 mm", "likely mm", "sample.mesh_unit_m = 0.001", "(then 6 x 6 x 4 mm)"],
+    ),
+    case(19, "scene check meshes/mm.toml", 1, &["30.0000 m long", "mesh_unit_m = 0.001"]),
+    case(19, "scene check meshes/yup.toml", 1, &["y is up", "z must be", "mesh.points"]),
+    case(
+        20,
+        "calibrate bags/ramp_only_from_contact.mcap --scene compression --set discretisation.spacing_m=0.003 \
+         --fit material.shear_modulus_pa",
+        0,
+        &["drift was left out", "--load-cell drift", "material.shear_modulus_pa = 16"],
+    ),
+    case(
+        20,
+        "replay bags/stamp_whole_s.mcap --scene compression --set discretisation.spacing_m=0.003 \
+         --set material.shear_modulus_pa=0.0015",
+        1,
+        &["material.shear_modulus_pa = 0.0015 Pa is likely meant in MPa", "Nothing was run"],
+    ),
+    case(
+        21,
+        "calibrate @/end_of_travel.csv --position-zero -3.3 --scene compression --set discretisation.spacing_m=0.003 \
+         --fit material.shear_modulus_pa --out @/fitted",
+        0,
+        &["alignment  contact at a recorded depth of"],
+    ),
+    case(
+        21,
+        "replay @/end_of_travel.csv --position-zero -3.3 --scene @/fitted/scene.toml",
+        0,
+        &["taken out of the recording, as the scene says ([align])", "the model explains"],
+    ),
+    case(
+        22,
+        "replay bags/cp_mm.mcap --position-unit mm --scene needle_insertion --out @/report",
+        0,
+        &["report.html", "the model explains"],
+    ),
+    case(
+        24,
+        "replay bags/sim_both.mcap --scene compression --set discretisation.spacing_m=0.003",
+        0,
+        &["steps each", "real-time factor", "us per step"],
+    ),
     case(14, "bag check bags/reindexed", 0, &["sound"]),
     case(14, "bag check bags/renamed", 0, &["sound"]),
     case(14, "bag info bags/bare/compression_0.mcap.zstd", 0, &["Count: 1640"]),
     case(5, "batch @/blocks.toml --out @/batch", 0, &["3 recordings"]),
+];
+
+/// What must stand in files that are made or shipped; `@` as in [`Case`].
+const FILES: &[(u8, &str, &[&str])] = &[
+    (22, "@/report/report.html", &["class=\"verdict good\""]),
+    (22, "@/report/force.svg", &["needle_insertion"]),
+    (
+        23,
+        "crates/needle_twin_py/python/needle_twin/_needle_twin.pyi",
+        &["\"mirrored\"", "def tune(", "def layers(", "predict:"],
+    ),
+    (23, "crates/needle_twin_py/src/twin.rs", &["fn __copy__", "fn __deepcopy__", "fn __reduce__"]),
 ];
 
 /// Runs of `needle_twin` in the folder of the inputs.
@@ -259,6 +385,16 @@ fn make(folder: &Path) {
     write("new.mat", b"MATLAB 7.3 MAT-file");
     write("old.npz", b"PK");
     write("old.xlsx", b"PK");
+    write("old.xls", b"PK");
+    let long: String =
+        (0..300_000).map(|i| format!("{:.2},{:.4},{:.5}\n", f64::from(i) * 0.01, f64::from(i) * 1e-4, 1e-5)).collect();
+    write("long.csv", format!("{head}{long}").as_bytes());
+    let zero = rows(&|_, t, d, f| format!("{t:.1},{d:.2},{:.4}\n", 4.5 + f));
+    write("zero.csv", format!("{head}{zero}").as_bytes());
+    let zeros = rows(&|_, t, d, f| format!("{t:.1},{d:.2},-3,4.5,{:.4}\n", 0.25 + f));
+    write("zeros.csv", format!("Time (s),Depth (mm),Fx (N),Fy (N),Fz (N)\n{zeros}").as_bytes());
+    let depths = rows(&|_, t, d, _| format!("{t:.1},{d:.2}\n"));
+    write("depths.csv", format!("Time (s),Depth (mm)\n{depths}").as_bytes());
     let mach1 = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/strangers/tables/mach1_three_blocks.txt");
     let manifest = format!(
         "[defaults]\nscene = \"compression\"\nset = [\"discretisation.spacing_m=0.004\"]\nfit = []\n[[recordings]]\nfile = {mach1:?}\n"
@@ -277,6 +413,10 @@ fn make(folder: &Path) {
     let force = |f: f64| format!("{f:.5}");
     write("end_of_travel.csv", format!("{head}{}", press(-3.5, &force)).as_bytes());
     write("off.csv", format!("{head}{}", press(3.2, &force)).as_bytes());
+    // a sensor that is turned by 30 degrees about x, and reads 4.5 N without load
+    let beside = press(0.0, &|f| format!("0,{:.5},{:.5}", 4.5 + 0.5 * f, 0.866_025 * f - 1.0));
+    write("beside.csv", format!("Time (s),Depth (mm),Fx (N),Fy (N),Fz (N)\n{beside}").as_bytes());
+    write("loaded.csv", format!("{head}{}", press(0.0, &|f| format!("{:.5}", 4.5 + f))).as_bytes());
     let x = press(0.0, &|f| format!("{f:.5},0.001,0.002"));
     write("turned.csv", format!("Time (s),Depth (mm),Fx (N),Fy (N),Fz (N)\n{x}").as_bytes());
 }
@@ -297,6 +437,18 @@ fn what_strangers_bring_is_read_or_refused_with_a_remedy() {
         if code != case.code || !missing.is_empty() {
             writeln!(wrong, "{}: exit code {code}, not {}; without {missing:?}:\n{text}", case.command, case.code)
                 .unwrap();
+        }
+    }
+    for (row, name, words) in FILES {
+        let path = match name.strip_prefix("@/") {
+            Some(made) => folder.path().join(made),
+            None => Path::new(env!("CARGO_MANIFEST_DIR")).join(name),
+        };
+        let text = fs::read_to_string(&path).unwrap();
+        writeln!(table, "| {row} | {name} | | has {words:?} |").unwrap();
+        let missing: Vec<&&str> = words.iter().filter(|words| !text.contains(**words)).collect();
+        if !missing.is_empty() {
+            writeln!(wrong, "{name}: without {missing:?}").unwrap();
         }
     }
     println!("{table}");

@@ -3,7 +3,7 @@
 //! `cargo test --release --test programs verdict::the_interval -- --nocapture` makes the record of docs/lab/verdict.md.
 #![allow(clippy::unwrap_used)]
 
-use needle_estimate::compare::Unwatched;
+use needle_estimate::compare::Cancel;
 use std::time::Instant;
 
 use crate::wrong::{self, Fault, recorded};
@@ -16,7 +16,7 @@ use needle_estimate::compare::scale::mistaken;
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
-use needle_twin::rig::make::RigScene;
+use needle_rig::make::RigScene;
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -50,7 +50,7 @@ fn outcome(recording: &Recording, scene: &str, key: &str) -> Outcome {
             part: HoldOut::Nothing,
             table: None,
         };
-        Outcome::Found(Box::new(calibrate(&task, &mut Unwatched, &mut |_| {}).unwrap()))
+        Outcome::Found(Box::new(calibrate(&task, &mut Cancel::default(), &mut |_| {}).unwrap()))
     })
 }
 

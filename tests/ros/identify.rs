@@ -5,7 +5,7 @@ use crate::ros::{Peer, Program, TWIN, free_domain};
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::Phase;
 use needle_estimate::compare::identifier::{Cause, Identifier, Parameter, State};
-use needle_estimate::compare::{self, Collector, Keep, Run};
+use needle_estimate::compare::{Keep, Run, Session};
 use needle_recording::{At, ForceSeries, Reading};
 use needle_recording::{Recording, TopicNames};
 use rand_chacha::ChaCha8Rng;
@@ -22,9 +22,7 @@ fn replayed(bag: &str, changes: &[(&str, f64)]) -> Run {
     let readings: Vec<Reading> =
         recording.depths.iter().map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
     let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
-    let (mut twin, build_s) = compare::build(&scene).unwrap();
-    let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);
-    compare::drive(&mut twin, readings, Some(&measured), collector, &mut compare::Unwatched)
+    Session::new(&scene, "test", Keep::ANSWERS).unwrap().compared_with(&measured).unwatched(readings)
 }
 
 /// (time since the instrument began to move the tissue, value, standard error, state) after every reading.

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use needle_recording::{Recording, TopicNames};
-use needle_twin::rig::make::{RigRecording, RigScene};
+use needle_rig::make::{RigRecording, RigScene};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;

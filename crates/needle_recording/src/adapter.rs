@@ -1,15 +1,15 @@
-//! From messages to poses: the one place that says what a depth or a pose is, for the live node, a replay and a
-//! calibration alike.
+//! Converts messages to poses. Live node, replay and calibration all use this module to decide what a depth or a pose
+//! is.
 
 use ros2_messages::geometry_msgs::{PoseStamped, Quaternion};
 use ros2_messages::sensor_msgs::JointState;
 
 use needle_core::twin::Pose;
 
-/// Norms of a quaternion that is a rotation but for rounding.
+/// Norms of a quaternion that counts as a rotation, with a tolerance for rounding.
 const ROTATION: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// What a message must be to be taken.
+/// What a message must contain to be accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adapter<'a> {
     /// Joint whose position is the depth.
@@ -18,32 +18,32 @@ pub struct Adapter<'a> {
     pub frame_id: &'a str,
 }
 
-/// Why a message is no pose; the text says what to do.
+/// Why a message is rejected; the text says what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// The joint is not among those of the message.
+    /// The message has no such joint.
     #[error(
         "it has no joint `{wanted}` but {}; name the one whose position is the depth in m (joint_name of the node, \
          --joint of a replay)",
         if found.is_empty() { "joints without names".to_owned() } else { found.join(", ") }
     )]
     NoSuchJoint {
-        /// The joint.
+        /// The joint that is wanted.
         wanted: String,
-        /// Those that there are.
+        /// The joints of the message.
         found: Vec<String>,
     },
     /// The joint has no position.
     #[error("it names the joint `{wanted}` but has no position for it")]
     NoPosition {
-        /// The joint.
+        /// The joint that is wanted.
         wanted: String,
     },
     /// The position is not finite.
     #[error("its position {depth_m} is not finite; check the sensor")]
     Depth {
-        /// What came.
+        /// The received value.
         depth_m: f64,
     },
     /// The pose is in another frame.
@@ -53,28 +53,28 @@ pub enum Refusal {
          the node, --frame-id of a replay)"
     )]
     WrongFrame {
-        /// What the twin needs.
+        /// The frame that the twin needs.
         wanted: String,
-        /// What came.
+        /// The received frame.
         found: String,
     },
     /// A coordinate is not finite.
     #[error("its position {position:?} is not finite; check the sensor")]
     Position {
-        /// What came, m.
+        /// The received position, m.
         position: [f64; 3],
     },
     /// The quaternion is not a rotation.
     #[error("its quaternion has the norm {norm}, that of a rotation is 1 (taken are {} to {})", ROTATION.start(), ROTATION.end())]
     NoRotation {
-        /// What came.
+        /// The received norm.
         norm: f64,
     },
 }
 
 impl Adapter<'_> {
-    /// Depth of the tip below the undeformed top surface, m: the position of the joint. A message with one position and no
-    /// names is that joint's.
+    /// Depth of the tip below the undeformed top surface, m: the position of the joint. If a message has one position
+    /// and no names, it is taken as that joint's.
     ///
     /// # Errors
     /// [`Refusal`].

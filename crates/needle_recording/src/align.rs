@@ -1,4 +1,4 @@
-//! A recording as it lies to a scene: what the scene's `[align]` says of it is taken out.
+//! Applies the corrections of the scene's `[align]` to a recording.
 
 use std::borrow::Cow;
 
@@ -6,8 +6,8 @@ use super::Recording;
 use needle_core::scene::{Align, Scene};
 
 impl Recording {
-    /// The recording with what the scene's `[align]` says of it taken out: contact depth, clock of the force, the load cell's zero and drift
-    /// along the instrument. Itself where the scene says nothing.
+    /// The recording after the corrections of the scene's `[align]`: contact depth, clock of the force, the load
+    /// cell's zero and drift along the instrument. The unchanged recording if the scene has none.
     #[must_use]
     pub fn aligned(&self, scene: &Scene) -> Cow<'_, Self> {
         let Some(align) = scene.align.filter(|align| *align != Align::NONE) else { return Cow::Borrowed(self) };
@@ -24,7 +24,7 @@ impl Recording {
         }
         for force in &mut aligned.forces {
             let added = align.zero_n + align.drift_n_per_s * (force.time_s - first_s);
-            // what it reads counts against the axis
+            // a reading is positive against the axis
             (0..3).for_each(|k| force.force_n[k] += added * axis[k]);
             force.time_s -= align.time_offset.get();
         }

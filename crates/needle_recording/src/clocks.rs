@@ -1,24 +1,25 @@
-//! One time base for all topics of a bag: the messages' own stamps, or when they were sent, or when they were recorded.
+//! One time base for all topics of a bag: the messages' own stamps, the times of sending, or the times of recording.
 //!
-//! Stamps of two clocks can't be compared. So where one topic has none, or stamps in whole seconds, all topics are taken by the recorder's clock;
-//! and where the stamps of two topics have no time in common, the recorder's clock tells how far theirs are apart.
+//! Stamps of two clocks can't be compared. So if one topic has no stamps, or stamps in whole seconds, the times of
+//! all topics are taken from the recorder's clock. If the stamps of two topics have no time in common, the recorder's
+//! clock gives the offset between them.
 
 use ros2_messages::builtin_interfaces::Time;
 use rosbag2_mcap::Loss;
 
 use super::series::Gathered;
 
-/// Share of messages without a stamp, or with that of another, up to which the stamps are taken: the others are single faults.
+/// Largest share of messages with missing or repeated stamps for which the stamps are still used: single faults.
 const FEW: f64 = 0.1;
-/// Fewer are single faults in any case, unless they are most.
+/// A smaller number counts as single faults in any case, unless it is the majority.
 const LEAST: usize = 8;
-/// Stamps of the first day of a clock, as those of simulations: 0 is a time there.
+/// Stamps in the first day of a clock, as from simulations: here 0 is a valid time.
 const FIRST_DAY_S: i32 = 86_400;
-/// Clocks that differ by less are one, ns: messages are recorded later than they are stamped.
+/// Smallest difference of two clocks, ns. Smaller differences come from the delay between stamping and recording.
 const LATE_NS: i64 = 1_000_000_000;
 const BILLION: u32 = 1_000_000_000;
 
-/// When a message was, by three clocks.
+/// Time of a message by three clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arrival {
     pub stamp: Time,
@@ -41,7 +42,7 @@ impl Arrival {
     }
 }
 
-/// Which clock times are taken from.
+/// The clock that times are taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Base {
     Stamps,
@@ -49,14 +50,16 @@ pub(super) enum Base {
     Recorded,
 }
 
-/// What of a topic decides on the clock.
+/// Statistics of a topic on which the choice of the clock is based.
 pub(super) struct Census {
     topic: String,
     all: usize,
     unstamped: usize,
-    /// Messages with the time of the one before and a value of their own, by each of the three clocks.
+    /// Number of those with more nanoseconds than a second has.
+    invalid: usize,
+    /// Number of messages with the time of the previous one and another value, by each of the three clocks.
     repeats: [usize; 3],
-    /// Median of stamp less time of recording, ns, and its scatter.
+    /// Median of stamp minus time of recording, ns, and its scatter.
     pub ahead: Option<(i64, i64)>,
     /// First and last stamp, ns.
     pub span: Option<(i64, i64)>,
@@ -80,19 +83,20 @@ impl Census {
             topic: of.topic.clone(),
             all: of.samples.len(),
             unstamped: of.samples.len() - stamped.len(),
+            invalid: of.samples.iter().filter(|(at, _)| at.stamp.nanosec >= BILLION).count(),
             repeats,
             ahead: quantile(2).zip(quantile(1).zip(quantile(3)).map(|(a, b)| b.saturating_sub(a))),
             span: stamps().min().zip(stamps().max()),
         }
     }
 
-    /// Whether so many are more than single faults.
+    /// Whether the number exceeds that of single faults.
     fn many(&self, count: usize) -> bool {
         count as f64 > FEW * self.all as f64 && (count > LEAST || 2 * count > self.all)
     }
 }
 
-/// The clock for all topics, and why it is not the stamps'.
+/// The clock for all topics. A warning states why it is not that of the stamps.
 pub(super) fn choose(topics: [&Census; 2], warnings: &mut Vec<String>) -> Base {
     let without = topics.iter().find(|t| t.many(t.unstamped));
     let coarse = topics.iter().find(|t| t.many(t.repeats[0]) && t.repeats[2] < t.repeats[0]);
@@ -101,6 +105,13 @@ pub(super) fn choose(topics: [&Census; 2], warnings: &mut Vec<String>) -> Base {
     let base = if published { Base::Published } else { Base::Recorded };
     let word = if published { "sent" } else { "recorded" };
     let why = match without {
+        Some(t) if t.invalid == t.unstamped => {
+            format!("{} of {} messages have a stamp with more than {} ns", t.invalid, t.all, BILLION - 1)
+        }
+        Some(t) if t.invalid > 0 => {
+            let (all, most) = (t.all, BILLION - 1);
+            format!("{} of {all} messages have no stamp, or one with more than {most} ns ({})", t.unstamped, t.invalid)
+        }
         Some(t) => format!("{} of {} messages have no stamp", t.unstamped, t.all),
         None => format!("{} of {} messages have the stamp of the one before", one.repeats[0], one.all),
     };
@@ -108,7 +119,7 @@ pub(super) fn choose(topics: [&Census; 2], warnings: &mut Vec<String>) -> Base {
     base
 }
 
-/// The samples with their times by a clock; those without one are counted.
+/// The samples with their times by a clock. Samples without a time are counted as losses.
 pub(super) fn timed<V>(of: Gathered<V>, base: Base, losses: &mut Vec<Loss>) -> Vec<(i64, V)> {
     let simulated = base == Base::Stamps
         && of.samples.iter().all(|(at, _)| at.stamp.sec < FIRST_DAY_S)
@@ -125,7 +136,7 @@ pub(super) fn timed<V>(of: Gathered<V>, base: Base, losses: &mut Vec<Loss>) -> V
     samples
 }
 
-/// How far the force's clock is ahead of the motion's, ns, where their stamps lie apart and the recorder's clock tells.
+/// Lead of the force's clock over the motion's, ns, if their stamps are apart and the recorder's clock determines it.
 pub(super) fn ahead(motion: &Census, force: &Census, warnings: &mut Vec<String>) -> i64 {
     let (Some((a, a_scatter)), Some((b, b_scatter))) = (motion.ahead, force.ahead) else { return 0 };
     let (Some((from, to)), Some((start, end))) = (motion.span, force.span) else { return 0 };
@@ -142,7 +153,7 @@ pub(super) fn ahead(motion: &Census, force: &Census, warnings: &mut Vec<String>)
         force.topic,
         seconds.abs()
     );
-    // stamps that overlap may be right, and the messages late
+    // stamps that overlap may be right; the messages may have been delayed
     if 2 * common > (to - from).min(end - start) {
         warnings.push(format!("{what}; if that is a clock's fault, --time-offset-s {seconds:.3} takes it off"));
         return 0;

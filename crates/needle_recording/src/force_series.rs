@@ -1,10 +1,10 @@
-//! The measured force as a function of time: what the load cell read, brought to the stamps of the poses.
+//! The measured force as a function of time, interpolated at the stamps of the poses.
 
 use needle_core::instrument::reading::{FORCE_N, TIME_S, is_force};
 
 /// A pause of more than this many ordinary sampling intervals is a gap, across which nothing is interpolated.
 const GAP_INTERVALS: f64 = 5.0;
-/// Gaps shorter than this are bridged in any case, s.
+/// Gaps shorter than this are always interpolated, s.
 const LEAST_GAP_S: f64 = 0.1;
 
 /// Force of the tissue on the instrument in frame `sample`, N, sampled over time.
@@ -18,8 +18,8 @@ pub struct ForceSeries {
 }
 
 impl ForceSeries {
-    /// Takes samples of (time in s, force in N) in any order. Samples that no load cell gives (see
-    /// [`needle_core::instrument::reading`]) are left out; of several at one time the last counts.
+    /// Takes samples of (time in s, force in N) in any order. Samples that no load cell can produce (see
+    /// [`needle_core::instrument::reading`]) are left out. Of several samples at one time the last is kept.
     #[must_use]
     pub fn new(mut samples: Vec<(f64, [f64; 3])>) -> Self {
         let all = samples.len();
@@ -40,7 +40,7 @@ impl ForceSeries {
         Self { samples, longest_gap_s, left_out, one_clock: false, holes: Vec::new() }
     }
 
-    /// Says that force and position were stamped by one clock, so that no offset between them is looked for.
+    /// Sets whether force and position were stamped by one clock; then no offset between them is estimated.
     #[must_use]
     pub fn on_one_clock(self, one_clock: bool) -> Self {
         Self { one_clock, ..self }
@@ -52,19 +52,19 @@ impl ForceSeries {
         self.one_clock
     }
 
-    /// Says when nothing was recorded though the instrument may have moved, from and to, s.
+    /// Sets the intervals without recorded data during which the instrument may have moved, from and to, s.
     #[must_use]
     pub fn with_holes(self, holes: Vec<[f64; 2]>) -> Self {
         Self { holes, ..self }
     }
 
-    /// Times of which nothing was recorded, from and to, s.
+    /// Intervals without recorded data, from and to, s.
     #[must_use]
     pub fn holes(&self) -> &[[f64; 2]] {
         &self.holes
     }
 
-    /// What was left out, in one sentence, if anything was.
+    /// What was left out, in one sentence; `None` if nothing was.
     #[must_use]
     pub fn loss(&self) -> Option<String> {
         let n = self.left_out;
@@ -75,14 +75,13 @@ impl ForceSeries {
         })
     }
 
-    /// Whether there is no sample at all.
+    /// Whether there is no sample.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }
 
-    /// Force at a time, linear between the samples on both sides; `None` before the first sample, after the last,
-    /// and in a gap.
+    /// Force at a time, interpolated linearly; `None` before the first sample, after the last, and in a gap.
     #[must_use]
     pub fn at(&self, time_s: f64) -> Option<[f64; 3]> {
         let after = self.samples.partition_point(|(time, _)| *time < time_s);
@@ -140,7 +139,7 @@ mod tests {
             vec![(0.0, [0.0, 0.0, 1.0]), (0.01, [0.0, 0.0, 1e200]), (0.02, [0.0, 0.0, 3.0]), (1e300, [0.0; 3])];
         let series = ForceSeries::new(samples);
         assert_eq!(series.at(0.01), Some([0.0, 0.0, 2.0]));
-        assert!(series.loss().unwrap().contains("2 readings"), "{:?}", series.loss());
+        assert!(series.loss().is_some_and(|loss| loss.contains("2 readings")), "{:?}", series.loss());
         assert_eq!(ForceSeries::new(vec![(0.0, [1.0; 3])]).loss(), None);
     }
 

@@ -1,6 +1,6 @@
-//! Recordings of other rigs: which of their topics is the displacement, which the force, and in which units.
+//! Recordings of other rigs: selects the topics of displacement and force, and converts their units.
 //!
-//! What comes out is what this project's twin takes: a `JointState` whose position is the depth in m, and a
+//! The results have the types of this project's twin: a `JointState` whose position is the depth in m, and a
 //! `WrenchStamped` with the force of the tissue on the instrument in N.
 
 use ros2_messages::RosMessage;
@@ -13,7 +13,7 @@ use ros2_messages::sensor_msgs::{JointState, Range};
 use ros2_messages::std_msgs::{Float32, Float64, Float64MultiArray, Header};
 use rosbag2_mcap::{BagReader, Message};
 
-/// Why a topic can't be taken for what the user says it is.
+/// Why a topic can't be used as the user requests.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ForeignError {
@@ -22,14 +22,14 @@ pub enum ForeignError {
     NoTopic {
         /// The bag.
         bag: String,
-        /// What was asked for.
+        /// The topic that was requested.
         topic: String,
-        /// By which parameter.
+        /// The parameter that requested it.
         parameter: &'static str,
-        /// What there is.
+        /// The topics of the bag.
         available: String,
     },
-    /// Its type holds no such quantity.
+    /// Its type does not contain the quantity.
     #[error("{bag}: {topic} is a {found}, and {parameter} takes {wanted}")]
     Type {
         /// The bag.
@@ -38,21 +38,21 @@ pub enum ForeignError {
         topic: String,
         /// Its type.
         found: String,
-        /// By which parameter.
+        /// The parameter that requested it.
         parameter: &'static str,
-        /// Types that would do.
+        /// Suitable types.
         wanted: &'static str,
     },
 }
 
-/// A topic that is the displacement sensor.
+/// The topic of the displacement sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionSource {
     /// Recorded name; `/name[3]` is the element 3, from 0, of an array.
     pub topic: String,
     /// Joint to take from a `JointState`; empty: [`PositionSource::joint_name`], or the only one.
     pub joint: String,
-    /// Depth in m of one unit of the recorded number; negative where the number falls as the needle goes in.
+    /// Depth in m per unit of the recorded number; negative if the number falls during insertion.
     pub m_per_unit: f64,
     /// Depth in m at the recorded number 0.
     pub offset_m: f64,
@@ -60,16 +60,16 @@ pub struct PositionSource {
     pub joint_name: String,
 }
 
-/// A topic that is the load cell.
+/// The topic of the load cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForceSource {
     /// Recorded name; `/name[3]` is the element 3, from 0, of an array.
     pub topic: String,
-    /// Force in N of one unit of the recorded number; negative where the cell counts the force on the tissue.
+    /// Force in N per unit of the recorded number; negative if the cell measures the force on the tissue.
     pub n_per_unit: f64,
-    /// Unit vector along which a single number counts.
+    /// Direction of a force that is a single number, as a unit vector.
     pub axis: [f64; 3],
-    /// Frame of the force, where the recorded message has none.
+    /// Frame of the force, if the recorded message has none.
     pub frame_id: String,
 }
 
@@ -79,7 +79,7 @@ fn element(topic: &str) -> (&str, Option<usize>) {
     parts.and_then(|(name, index)| Some((name, Some(index.parse().ok()?)))).unwrap_or((topic, None))
 }
 
-/// A message that is a number: `Float64`, `Float32`, or an element of `Float64MultiArray`.
+/// The number in a message: `Float64`, `Float32`, or an element of `Float64MultiArray`.
 fn number(bag: &BagReader, message: &Message, kind: &str, topic: &str) -> Result<f64, String> {
     if kind == Float64::TYPE {
         return Ok(bag.decode::<Float64>(message)?.data);
@@ -103,7 +103,7 @@ fn number(bag: &BagReader, message: &Message, kind: &str, topic: &str) -> Result
         .ok_or_else(|| format!("it has {} numbers, so none with the index {index}, from 0", data.len()))
 }
 
-/// The topic, by its number in the bag.
+/// Index of the topic in the bag.
 fn find(
     bag: &BagReader,
     name: &str,
@@ -132,15 +132,15 @@ fn find(
     })
 }
 
-/// Types of a topic that is the tip's pose.
+/// Types of a topic that contain the tip's pose.
 pub(super) const POSES: [&str; 4] =
     [PoseStamped::TYPE, TransformStamped::TYPE, PoseWithCovarianceStamped::TYPE, PointStamped::TYPE];
-/// Types of a topic that is a force with three components.
+/// Types of a topic that contain a force with three components.
 pub(super) const WRENCHES: [&str; 2] = [WrenchStamped::TYPE, Wrench::TYPE];
-/// Orientation of an instrument that points straight down: half a turn about x.
+/// Orientation of an instrument that points straight down: a rotation by 180 degrees about x.
 const DOWN: Quaternion = Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };
 
-/// The tip's pose of a message of one of [`POSES`]; of a point the instrument points straight down.
+/// The tip's pose from a message of one of [`POSES`]. For a point, the instrument points straight down.
 pub(super) fn pose_of(bag: &BagReader, message: &Message) -> Result<PoseStamped, String> {
     let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
     if kind == TransformStamped::TYPE {
@@ -159,7 +159,7 @@ pub(super) fn pose_of(bag: &BagReader, message: &Message) -> Result<PoseStamped,
     bag.decode(message)
 }
 
-/// The wrench of a message of one of [`WRENCHES`].
+/// The wrench from a message of one of [`WRENCHES`].
 pub(super) fn wrench_of(bag: &BagReader, message: &Message) -> Result<WrenchStamped, String> {
     let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
     if kind == Wrench::TYPE {
@@ -182,7 +182,7 @@ fn unstamped(message: &Message, frame_id: &str) -> Header {
 }
 
 impl PositionSource {
-    /// The topic's number in the bag, if it has it with a type that holds a position.
+    /// The topic's index in the bag, if it exists with a type that contains a position.
     ///
     /// # Errors
     /// [`ForeignError`].
@@ -193,10 +193,10 @@ impl PositionSource {
         find(bag, &self.topic, "position_topic", &types, wanted)
     }
 
-    /// The depth that a message of the topic says.
+    /// The depth in a message of the topic.
     ///
     /// # Errors
-    /// Why it says none.
+    /// Why the message has none.
     pub fn convert(&self, bag: &BagReader, message: &Message) -> Result<JointState, String> {
         let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
         if kind == JointState::TYPE {
@@ -239,7 +239,7 @@ impl PositionSource {
 }
 
 impl ForceSource {
-    /// The topic's number in the bag, if it has it with a type that holds a force.
+    /// The topic's index in the bag, if it exists with a type that contains a force.
     ///
     /// # Errors
     /// [`ForeignError`].
@@ -250,10 +250,10 @@ impl ForceSource {
         find(bag, &self.topic, "force_topic", &types, wanted)
     }
 
-    /// The force that a message of the topic says.
+    /// The force in a message of the topic.
     ///
     /// # Errors
-    /// Why it says none.
+    /// Why the message has none.
     pub fn convert(&self, bag: &BagReader, message: &Message) -> Result<WrenchStamped, String> {
         let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
         if [WrenchStamped::TYPE, Wrench::TYPE].contains(&kind) {

@@ -1,26 +1,26 @@
-//! Recorded frames that are not the sample's: the sensor's, and the robot's.
+//! Recorded frames other than the sample's: those of the sensor and the robot.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::selection::Selection;
 use needle_core::twin::Pose;
 
-/// Norms of a quaternion that is a rotation but for rounding.
+/// Norms of a quaternion that counts as a rotation, with a tolerance for rounding.
 const ROTATION: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// What was said of a frame is no frame.
+/// An option that does not describe a frame.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{option} {values:?}: {reason}")]
 pub struct FrameError {
-    /// Which option.
+    /// The option.
     pub option: &'static str,
-    /// What it says.
+    /// Its values.
     pub values: Vec<f64>,
     /// What is wrong with it.
     pub reason: &'static str,
 }
 
-/// Turns what was recorded into frame `sample`.
+/// Transforms recorded quantities to frame `sample`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Frames {
     sensor: Option<UnitQuaternion<f64>>,
@@ -59,7 +59,7 @@ impl Frames {
         self.pose(Pose { tip: point, axis: [0.0, 0.0, -1.0] }).tip
     }
 
-    /// A force in the frame of the sample; `with_poses`: it was recorded in the frame of the poses.
+    /// A force in the frame of the sample. `with_poses`: it was recorded in the frame of the poses.
     pub fn force(&self, force_n: [f64; 3], with_poses: bool) -> [f64; 3] {
         let force = Vector3::from(force_n);
         match (&self.sensor, &self.sample) {
@@ -69,7 +69,7 @@ impl Frames {
         }
     }
 
-    /// Whether the frame of the sensor was said.
+    /// Whether the user gave the frame of the sensor.
     pub const fn knows_sensor(&self) -> bool {
         self.sensor.is_some()
     }

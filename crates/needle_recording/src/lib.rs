@@ -1,4 +1,4 @@
-//! What comes in: depths, poses and forces, from messages live or recorded, and from tables.
+//! Input of a twin: depths, poses and forces, from live or recorded messages and from tables.
 #![forbid(unsafe_code)]
 
 mod adapter;

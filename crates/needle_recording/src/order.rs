@@ -1,39 +1,45 @@
-//! Samples in the order of their stamps: small disorder sorted, stray stamps and a second recording left out.
+//! Sorts samples by their stamps. Small disorder is corrected; outlying stamps and a second recording are left out.
 
-/// Largest step in time that is taken for disorder and sorted, ns. A larger one back is a second recording, or the end of stamps
-/// that had gone astray.
+/// Largest step in time that counts as disorder and is sorted, ns. A larger step back starts a second recording, or
+/// ends a sequence of outlying stamps.
 const DISORDER_NS: i64 = 1_000_000_000;
-/// No recording pauses for so long, ns: what is so far from most of the stamps has gone astray.
+/// Stamps this far from most others, ns, are outliers: no recording pauses for so long.
 const DAY_NS: i64 = 86_400 * 1_000_000_000;
 
-/// As many times more samples follow a few that have gone astray at the start.
+/// Stamps at the start are outliers if this many times more samples follow.
 const FEW: usize = 10;
 
 /// Samples with their stamps in ns.
 type Samples<V> = Vec<(i64, V)>;
 
-/// Samples in order, and what became of the others.
+/// Sorted samples, and the numbers of changed and lost ones.
 #[derive(Debug, PartialEq)]
 pub(super) struct Ordered<V> {
-    /// In order, no stamp twice.
+    /// Sorted; every stamp is unique.
     pub samples: Samples<V>,
-    /// Samples with the stamp of another and a value of their own: spread over the time to the next stamp.
+    /// Number of samples with the stamp of another and another value. They are distributed over the time to the next
+    /// stamp.
     pub spread: usize,
-    /// Samples that could not be spread since there is one stamp only.
+    /// Number of samples that could not be distributed because there is only one stamp.
     pub one_time: usize,
-    /// Samples that were left out since their stamps are of another time.
+    /// Number of samples that were left out because their stamps are outliers.
     pub strays: usize,
-    /// Samples of a second recording, which were left out.
+    /// Number of samples of a second recording, which were left out.
     pub second: usize,
-    /// Whether the order was not that of the stamps.
+    /// Whether the samples were not in the order of their stamps.
     pub sorted: bool,
-    /// Samples that repeated another, stamp and value.
+    /// Number of samples that repeated another one, stamp and value.
     pub repeated: usize,
 }
 
 impl<V: PartialEq> Ordered<V> {
-    /// Orders samples that come as they were recorded.
+    /// Sorts samples given in the order of recording.
     pub fn new(samples: Samples<V>) -> Self {
+        let follows = |pair: &[(i64, V)]| pair[0].0 < pair[1].0 && pair[1].0.saturating_sub(pair[0].0) < DAY_NS;
+        // nothing is to be done of most recordings, and no copy of them to be made
+        if samples.windows(2).all(follows) {
+            return Self { samples, spread: 0, one_time: 0, strays: 0, second: 0, sorted: false, repeated: 0 };
+        }
         let all = samples.len();
         let (mut samples, second) = without_detours(of_one_time(samples));
         let strays = all - samples.len() - second;
@@ -53,8 +59,8 @@ impl<V: PartialEq> Ordered<V> {
     }
 }
 
-/// Spreads samples of one stamp evenly up to the next, and gives their number. The first and the last group of a recording may be parts
-/// of one: they get the others' distance.
+/// Distributes samples with the same stamp evenly up to the next stamp, and returns their number. The first and the
+/// last group of a recording may be incomplete: they get the spacing of the other groups.
 fn spread_out<V>(samples: &mut Samples<V>) -> usize {
     let groups: Vec<(i64, usize)> =
         samples.chunk_by(|a, b| a.0 == b.0).map(|group| (group[0].0, group.len())).collect();
@@ -84,12 +90,12 @@ fn spread_out<V>(samples: &mut Samples<V>) -> usize {
     spread
 }
 
-/// The largest group of samples with no pause of a day in it.
+/// The largest group of samples without a pause of a day.
 fn of_one_time<V>(mut samples: Samples<V>) -> Samples<V> {
     let mut times: Vec<i64> = samples.iter().map(|(time, _)| *time).collect();
     times.sort_unstable();
     let groups = times.chunk_by(|a, b| b.saturating_sub(*a) < DAY_NS);
-    // of groups of one size the first
+    // of groups with equal size, the first
     let largest = groups.max_by_key(|group| (group.len(), std::cmp::Reverse(group.first().copied())));
     if let Some(([first, ..], last)) = largest.map(|group| (group, group.last())) {
         let (first, last) = (*first, last.copied().unwrap_or(*first));
@@ -98,21 +104,22 @@ fn of_one_time<V>(mut samples: Samples<V>) -> Samples<V> {
     samples
 }
 
-/// Leaves out stamps that leap ahead and come back to where they were. At any other large step back a second recording begins:
-/// what follows is cut off and counted.
+/// Removes stamps that jump ahead and later return to the previous time. Any other large step back starts a second
+/// recording: the samples from there on are cut off and counted.
 fn without_detours<V>(samples: Samples<V>) -> (Samples<V>, usize) {
     let all = samples.len();
     let mut kept: Samples<V> = Vec::with_capacity(all);
-    // the latest stamp, and what it was before the last leap ahead, with the number of samples up to there
+    // the latest stamp; the stamp before the last jump ahead, and the number of samples up to there
     let (mut latest, mut leap): (Option<i64>, Option<(i64, usize)>) = (None, None);
     for (at, sample) in samples.into_iter().enumerate() {
         let (time, last) = (sample.0, latest.unwrap_or(sample.0));
         if last.saturating_sub(time) > DISORDER_NS {
             let detour = match leap {
-                // the fewer have gone astray
+                // the smaller part is outlying
                 Some((before, count)) => (before.saturating_sub(time) <= DISORDER_NS && kept.len() - count <= all - at)
                     .then_some((Some(before), count)),
-                // without a leap only a few at the start have: else it is the first of two recordings
+                // without a jump ahead, only a few samples at the start can be outlying; otherwise these are two
+                // recordings
                 None => (kept.len() * FEW <= all - at).then_some((None, 0)),
             };
             let Some((before, count)) = detour else { return (kept, all - at) };
@@ -141,7 +148,7 @@ mod tests {
         (ordered.samples.iter().map(|(time, _)| time * 10 / S).collect(), ordered.strays, ordered.second)
     }
 
-    /// Tenths of a second.
+    /// Times are in tenths of a second.
     #[test]
     fn only_the_stamps_that_have_gone_astray_are_left_out() {
         assert_eq!(order(&[0, 1, 2, 4, 3, 5]), (vec![0, 1, 2, 3, 4, 5], 0, 0));
@@ -155,14 +162,15 @@ mod tests {
         assert_eq!(order(&[-10_000_000_000, 0, 1, 2]), (vec![0, 1, 2], 1, 0));
     }
 
-    /// Time of this thread on a processor, ns: other programs have no part in it.
+    /// Processor time of this thread, ns; it does not depend on other programs.
     #[cfg(target_os = "linux")]
     fn spent() -> f64 {
         let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
         stat.split(' ').next().unwrap().parse().unwrap()
     }
 
-    /// Every second stamp an hour ahead: eight times as many samples take eight times as long, and not 64 times.
+    /// Every second stamp is an hour ahead. Eight times as many samples must take about eight times as long, not 64
+    /// times.
     #[cfg(target_os = "linux")]
     #[test]
     fn time_grows_with_the_number_of_stray_stamps() {
@@ -176,7 +184,7 @@ mod tests {
         };
         let few = spent(40_000);
         let many = spent(320_000);
-        // the system counts in steps of some milliseconds
+        // the system's clock has a resolution of some milliseconds
         assert!(many < 24.0 * (few + 1e7), "{many} ns for eight times what took {few} ns");
     }
 

@@ -1,17 +1,17 @@
-//! Where the instrument was, as a driver or a sensor says it.
+//! Position of the instrument as reported by a driver or a sensor.
 
 use needle_core::twin::Pose;
 
-/// Where the instrument was at one time.
+/// Position of the instrument at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// Time, s.
     pub time_s: f64,
-    /// Place.
+    /// Position.
     pub at: At,
 }
 
-/// Where the instrument was: what a displacement sensor says, or a whole pose.
+/// Position of the instrument: a depth from a displacement sensor, or a complete pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum At {
     /// Depth along the scene's own instrument axis, m.

@@ -1,10 +1,10 @@
-//! A recording as the twin takes it: readings of the instrument's place, and the measured force over time.
+//! Converts a recording to the twin's input: readings of the instrument's position, and the measured force over time.
 
 use super::Recording;
 use super::{At, ForceSeries, Reading};
 
 impl Recording {
-    /// Where the instrument was, in order of time: the depths, unless there are none or the pose is wanted.
+    /// Positions of the instrument, in order of time: the depths, unless there are none or poses are requested.
     #[must_use]
     pub fn readings(&self, pose_wanted: bool) -> Vec<Reading> {
         if self.depths.is_empty() || pose_wanted {
@@ -21,7 +21,7 @@ impl Recording {
         series.on_one_clock(self.one_clock).with_holes(self.holes.clone())
     }
 
-    /// What to say of forces that are recorded in another frame: a replay has no transforms to bring them over.
+    /// Message for forces that are recorded in another frame. A replay has no transforms to convert them.
     #[must_use]
     pub fn foreign_frame(&self) -> Option<String> {
         let (found, wanted) = (self.force_frame.trim_start_matches('/'), &self.topics.frame_id);

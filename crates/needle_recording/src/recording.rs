@@ -1,14 +1,14 @@
-//! What the twin needs of a recording: depths or poses, and measured forces, each over time.
+//! A recording: depths or poses, and measured forces, each over time.
 
 use super::Adapter;
 use super::Refusal;
 use super::clocks::{self, Census};
-use super::foreign::{ForeignError, pose_of, wrench_of};
+use super::foreign::{ForeignError, WRENCHES, pose_of, wrench_of};
 use super::frame::{FrameError, Frames};
 use super::holes::holes;
 use super::selection::{Selection, UnknownUnit};
 use super::series::{Held, Reading, Series, in_order};
-use super::table::{Table, TableError};
+use super::table::{Table, TableError, refuse_options};
 use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
 use super::unit::Dimension;
 use needle_core::instrument::reading::MeasuredAxes;
@@ -19,7 +19,7 @@ use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
 use std::path::{Path, PathBuf};
 
-/// Which topics to take, and which joint. Left out, they are found: by the last part of the name
+/// The topics to use, and the joint. If a topic is not given it is found by the last part of the name
 /// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TopicNames {
@@ -47,19 +47,19 @@ impl Default for TopicNames {
     }
 }
 
-/// A depth and when it was measured.
+/// A depth and the time of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthSample {
-    /// s since [`Recording::origin_ns`].
+    /// Time, s since [`Recording::origin_ns`].
     pub time_s: f64,
     /// Depth of the tip below the undeformed top surface, m; negative above it.
     pub depth_m: f64,
 }
 
-/// A tip pose and when it was measured.
+/// A tip pose and the time of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseSample {
-    /// s since [`Recording::origin_ns`].
+    /// Time, s since [`Recording::origin_ns`].
     pub time_s: f64,
     /// Position of the tip in the frame of the topic, m.
     pub tip: [f64; 3],
@@ -68,99 +68,99 @@ pub struct PoseSample {
 }
 
 impl PoseSample {
-    /// The pose as the twin takes it.
+    /// The pose in the twin's format.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose { tip: self.tip, axis: self.axis }
     }
 }
 
-/// Tracked points inside the sample and when they were seen.
+/// Tracked points inside the sample and the time of their measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerSample {
-    /// s since [`Recording::origin_ns`].
+    /// Time, s since [`Recording::origin_ns`].
     pub time_s: f64,
     /// Position of each marker in frame `sample`, m; NaN where it was not seen.
     pub positions: Vec<[f64; 3]>,
 }
 
-/// A force and when it was measured.
+/// A force and the time of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSample {
-    /// s since [`Recording::origin_ns`].
+    /// Time, s since [`Recording::origin_ns`].
     pub time_s: f64,
     /// Force of the tissue on the instrument as recorded, N.
     pub force_n: [f64; 3],
 }
 
-/// The series of a recording. Each is in the order of time, with finite values only.
+/// The series of a recording. Each is in order of time, with finite values only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// What the force is and where it comes from, for reports: the bag, and what it says of itself.
+    /// Source of the force, for reports: the bag and its description.
     pub source: String,
-    /// Scene that the recording was made for, if the bag says so.
+    /// Scene that the recording was made for, if the bag names one.
     pub scene: Option<String>,
     /// Time 0 of all series, ns since 1970: the earliest stamp.
     pub origin_ns: i64,
-    /// From the displacement sensor; empty without one.
+    /// Displacement sensor; empty without one.
     pub depths: Vec<DepthSample>,
-    /// From the tip's pose; empty without one.
+    /// Tip's pose; empty without one.
     pub poses: Vec<PoseSample>,
-    /// From the load cell; empty without one.
+    /// Load cell; empty without one.
     pub forces: Vec<ForceSample>,
     /// Tracked points; empty without them.
     pub markers: Vec<MarkerSample>,
-    /// Whether force and position were stamped by one clock, as the rows of one table are.
+    /// Whether force and position were stamped by one clock, like the rows of one table.
     pub one_clock: bool,
-    /// Topics of the three series, where there are such.
+    /// Topics of the three series, if they exist.
     pub topics: TopicNames,
-    /// Frame of the forces, "" where it is not said.
+    /// Frame of the forces, "" if it is unknown.
     pub force_frame: String,
-    /// Depth in m of one of the recorded numbers of the position, and the number that stands for depth 0.
+    /// Depth in m per unit of the recorded position, and the recorded number at depth 0.
     pub position_scale: [f64; 2],
-    /// Times of which nothing was recorded though the instrument may have moved, from and to, s.
+    /// Intervals without recorded data during which the instrument may have moved, from and to, s.
     pub holes: Vec<[f64; 2]>,
-    /// What of the bag is lost; not empty: exit code 3.
+    /// Losses of data; if there are any, the exit code is 3.
     pub losses: Vec<Loss>,
-    /// What is odd but cost nothing.
+    /// Irregularities without a loss of data.
     pub warnings: Vec<String>,
 }
 
-/// Why a recording can't be had.
+/// Why a recording can't be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordingError {
-    /// The bag can't be read, or lacks something.
+    /// The bag can't be read, or lacks a topic.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// A topic is not what the user says it is.
+    /// A topic can't be used as the user requests.
     #[error(transparent)]
     Foreign(#[from] ForeignError),
-    /// A unit is none.
+    /// An unknown unit.
     #[error(transparent)]
     Unit(#[from] UnknownUnit),
-    /// A frame is none.
+    /// An invalid frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// An option has no meaning for what is read.
+    /// An option does not apply to this input.
     #[error("{option} says nothing of {of}: {remedy}")]
     NotHere {
         /// The option.
         option: &'static str,
-        /// What is read.
+        /// The kind of input.
         of: &'static str,
         /// What to do.
         remedy: &'static str,
     },
-    /// The table can't be read, or lacks something.
+    /// The table can't be read, or lacks a column.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// Bags can't be put together.
+    /// Bags can't be combined.
     #[error("{} is a bag: one bag is a whole recording, and only tables can be several files", .0.display())]
     SeveralBags(PathBuf),
 }
 
-/// Series with their stamps in ns, before they have a common origin.
+/// Series with their stamps in ns, before the common origin is subtracted.
 struct Stamped {
     depths: Series<f64>,
     poses: Series<Pose>,
@@ -169,16 +169,17 @@ struct Stamped {
 }
 
 impl Recording {
-    /// Reads a bag (folder or .mcap), or a recording in one or several tables as text, each with its own clock.
+    /// Reads a bag (folder or .mcap), or a recording in one or several text tables, each with its own clock.
     ///
     /// # Errors
-    /// [`RecordingError`]: what can't be opened or told, with what there is and what to do.
+    /// [`RecordingError`] if the input can't be opened or is ambiguous. The message lists what it contains and says
+    /// what to do.
     pub fn open(paths: &[PathBuf], said: &Selection) -> Result<Self, RecordingError> {
         match paths {
             [bag] if is_bag(bag) => Self::of_bag(&BagReader::open(bag)?, said),
             _ => match paths.iter().find(|path| is_bag(path)) {
                 Some(bag) => Err(RecordingError::SeveralBags(bag.clone())),
-                None => Self::of_tables(&tables(paths, said)?, said),
+                None => Self::of_tables(&mut tables(paths, said)?, said),
             },
         }
     }
@@ -186,13 +187,13 @@ impl Recording {
     /// Reads the series of a bag (folder or .mcap).
     ///
     /// # Errors
-    /// [`BagError`] if the bag can't be opened, has no topic for depth or pose (the message lists what it has), or
-    /// has several that would do.
+    /// [`BagError`] if the bag can't be opened, has no topic for depth or pose (the message lists its topics), or has
+    /// several suitable ones.
     pub fn load(path: impl AsRef<Path>, names: &TopicNames) -> Result<Self, BagError> {
         Self::from_reader(&BagReader::open(path)?, names)
     }
 
-    /// As [`Recording::load`], from an opened bag.
+    /// Same as [`Recording::load`], from an opened bag.
     ///
     /// # Errors
     /// As [`Recording::load`].
@@ -200,12 +201,12 @@ impl Recording {
         let said = Selection { names: names.clone(), ..Selection::default() };
         Self::of_bag(bag, &said).map_err(|error| match error {
             RecordingError::Bag(error) => error,
-            // nothing is said that could be wrong
+            // unreachable: the default selection has no options that could be wrong
             other => BagError::NotABag { path: bag.name().into(), found: other.to_string(), remedy: String::new() },
         })
     }
 
-    /// As [`Recording::open`], from an opened bag.
+    /// Same as [`Recording::open`], from an opened bag.
     ///
     /// # Errors
     /// As [`Recording::open`].
@@ -214,7 +215,7 @@ impl Recording {
         let by_pose = said.position.place.as_deref().is_some_and(|name| topics::is_pose(bag, name));
         let joint_state = if by_pose { None } else { topics::joint_state(bag, said)? };
         let pose = topics::pose(bag, said, joint_state.is_none() && said.position.place.is_none())?;
-        // poses are taken where they are asked for, and where there is no depth
+        // poses are used if they are requested, or if there is no depth
         let by_pose = pose.is_some()
             && (by_pose || said.position.place.is_none() && names.joint_state.is_none())
             && (joint_state.is_none() || names.pose.is_some());
@@ -245,7 +246,7 @@ impl Recording {
         });
         let poses = reading.gather(pose, |message| {
             let m = pose_of(bag, message)?;
-            // the sample's pose in the frame was said
+            // any frame is accepted if the user gave the sample's pose in it
             let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { adapter.frame_id };
             let in_m = |pose: Pose| frames.pose(Pose { tip: pose.tip.map(|x| m_per_unit * x), ..pose });
             Ok((Adapter { frame_id, ..adapter }.pose(&m).map(in_m).into(), m.header))
@@ -261,6 +262,14 @@ impl Recording {
             Ok((Held::<_, String>::Value(<[f64; 3]>::from(m.wrench.force)), m.header))
         });
         let taken = measured_axes(&forces.topic, &mut reading, forces.samples.iter().map(|s| s.1));
+        said.zero_of_a_force(wrench.is_some())?;
+        if said.has_force_zero() {
+            let across = forces.samples.iter().any(|(_, [x, y, _])| [x, y].iter().any(|f| f.is_finite() && **f != 0.0));
+            let is_number = wrench.is_some_and(|t| !WRENCHES.contains(&bag.topics()[t].type_name.as_str()));
+            let zero = said.zero_in_a_bag(taken.only(), across, is_number)?;
+            let n_per_unit = said.force.scale(Dimension::Force, "--force-unit")?;
+            forces.samples.iter_mut().for_each(|(_, force)| (0..3).for_each(|k| force[k] -= n_per_unit * zero[k]));
+        }
         forces.samples.retain_mut(|(_, force)| {
             taken.force(*force).is_some_and(|measured| {
                 *force = measured;
@@ -316,20 +325,21 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The recording that one or several tables hold.
+    /// The recording in one or several tables. The samples are moved out of them.
     ///
     /// # Errors
     /// [`TableError::Missing`] if none of them has the position.
-    pub fn of_tables(read: &[Table], said: &Selection) -> Result<Self, RecordingError> {
+    pub fn of_tables(read: &mut [Table], said: &Selection) -> Result<Self, RecordingError> {
         let columns =
             || read.iter().map(|t| format!("{} has {}", t.file, t.all_columns)).collect::<Vec<_>>().join("; ");
         if let Some((option, name)) = in_no_file(read) {
             return Err(TableError::NoColumn { option, name, columns: columns() }.into());
         }
         let missing = |what, option| TableError::Missing { what, option, columns: columns() };
-        let moves = |t: &&Table| t.columns.position.is_some() || t.columns.pose.is_some();
-        let motion = read.iter().find(moves).ok_or_else(|| missing("position", "--position"))?;
-        let cell = read.iter().find(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        let moves = |t: &Table| t.columns.position.is_some() || t.columns.pose.is_some();
+        let moving = read.iter().position(moves).ok_or_else(|| missing("position", "--position"))?;
+        let feeling = read.iter().position(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        let (motion, cell) = (&read[moving], feeling.map(|k| &read[k]));
         let timed = |t: &Table| t.columns.time.is_some() || t.rate_hz.is_some();
         if let Some(untimed) = [Some(motion), cell].into_iter().flatten().find(|t| !timed(t)) {
             return Err(match said.time.last() {
@@ -345,6 +355,7 @@ impl Recording {
             return Err(missing("three components in one file", "--pose-columns or --force-columns").into());
         }
         said.fits_a_table(motion.columns.pose.is_some())?;
+        said.zero_of_a_force(cell.is_some())?;
         let frames = Frames::of(said)?;
         let (mut losses, mut warnings) = (Vec::new(), Vec::new());
         read.iter().for_each(|t| warnings.extend(t.warnings.iter().cloned()));
@@ -354,7 +365,11 @@ impl Recording {
             losses.push(Loss::Samples { topic: table.file.clone(), count: table.bad, reason });
         }
         let mut axes = MeasuredAxes::default();
-        let mut forces = cell.map_or_else(Vec::new, |t| t.forces.clone());
+        let mut forces = feeling.map(|k| std::mem::take(&mut read[k].forces)).unwrap_or_default();
+        let depths = std::mem::take(&mut read[moving].depths);
+        let poses = std::mem::take(&mut read[moving].poses);
+        let markers = std::mem::take(&mut read[moving].markers);
+        let (motion, cell) = (&read[moving], feeling.map(|k| &read[k]));
         forces.iter().for_each(|(_, force)| axes.note(force));
         let all = forces.len();
         forces.retain_mut(|(_, force)| {
@@ -365,13 +380,13 @@ impl Recording {
         });
         if let Some(cell) = cell {
             warnings.extend(axes.missing());
-            lose_unmeasured(&cell.file, all - forces.len(), cell.forces.is_empty(), &mut losses);
+            lose_unmeasured(&cell.file, all - forces.len(), all == 0, &mut losses);
         }
-        let poses = motion.poses.iter().map(|&(t, pose)| (t, frames.pose(pose))).collect();
+        let poses = poses.into_iter().map(|(t, pose)| (t, frames.pose(pose))).collect();
         let places = |p: &Vec<[f64; 3]>| p.iter().map(|p| frames.point(*p)).collect();
-        let markers = motion.markers.iter().map(|(t, p)| (*t, places(p))).collect();
+        let markers = markers.iter().map(|(t, p)| (*t, places(p))).collect();
         let stamped = Stamped {
-            depths: (in_order(&motion.file, motion.depths.clone(), &mut losses, &mut warnings), String::new()),
+            depths: (in_order(&motion.file, depths, &mut losses, &mut warnings), String::new()),
             poses: (in_order(&motion.file, poses, &mut losses, &mut warnings), String::new()),
             markers: (in_order(&motion.file, markers, &mut losses, &mut warnings), String::new()),
             forces: cell.map_or_else(Default::default, |t| {
@@ -394,7 +409,7 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Series with a common origin; the force's stamps are late by so much.
+    /// Subtracts the common origin, and the delay `late_ns` of the force's stamps.
     fn of(stamped: Stamped, late_ns: i64) -> Self {
         let Stamped {
             depths: (depths, _),
@@ -409,15 +424,16 @@ impl Recording {
         let count = markers.last().map_or(0, |m| m.1.len());
         let whole = markers.into_iter().filter(|m| m.1.len() == count);
         let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
-        let depth = |&(t, depth_m): &(i64, f64)| DepthSample { time_s: seconds(t), depth_m };
-        let pose = |&(t, Pose { tip, axis }): &(i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
+        let depth = |(t, depth_m): (i64, f64)| DepthSample { time_s: seconds(t), depth_m };
+        let pose = |(t, Pose { tip, axis }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
         Self {
             source: String::new(),
             scene: None,
             origin_ns,
-            depths: depths.iter().map(depth).collect(),
-            poses: poses.iter().map(pose).collect(),
-            forces: forces.iter().map(|&(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
+            // samples of one size become others where they lie
+            depths: depths.into_iter().map(depth).collect(),
+            poses: poses.into_iter().map(pose).collect(),
+            forces: forces.into_iter().map(|(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
             markers,
             one_clock: false,
             topics: TopicNames::default(),
@@ -429,7 +445,8 @@ impl Recording {
         }
     }
 
-    /// Turns forces into the frame of the sample. A cell with one axis measures along the instrument, whichever axis its driver names.
+    /// Transforms forces to the frame of the sample. A cell with one axis measures along the instrument, whichever
+    /// axis its driver uses.
     fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
         let along = axes.only().filter(|axis| *axis < 2 && !frames.knows_sensor());
         if let Some(axis) = along {
@@ -445,7 +462,7 @@ impl Recording {
         }
     }
 
-    /// Nothing to drive the twin with is an error; a load cell from another time is said.
+    /// Checks that there is a motion; warns if the load cell's data are from another time.
     fn check(&mut self, bag: &BagReader, motion: Option<usize>) -> Result<(), BagError> {
         if let (true, true, Some(topic)) = (self.depths.is_empty(), self.poses.is_empty(), motion) {
             let lost: Vec<String> = self.losses.iter().map(ToString::to_string).collect();
@@ -456,7 +473,7 @@ impl Recording {
         Ok(())
     }
 
-    /// A load cell from another time is a loss, and so is a hole.
+    /// Adds a loss if the load cell's data are from another time, and one for each hole.
     fn check_times(&mut self) {
         let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
         let force = span(self.forces.iter().map(|s| s.time_s));
@@ -471,13 +488,8 @@ impl Recording {
             let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
             self.losses.push(Loss::Samples { topic, count: self.forces.len() as u64, reason });
         }
-        let forces: Vec<f64> = self.forces.iter().map(|s| s.time_s).collect();
-        let places = if self.depths.is_empty() {
-            self.poses.iter().map(|s| (s.time_s, s.tip)).collect()
-        } else {
-            self.depths.iter().map(|s| (s.time_s, [s.depth_m, 0.0, 0.0])).collect::<Vec<_>>()
-        };
-        self.holes = holes(&places, &forces);
+        self.holes =
+            if self.depths.is_empty() { holes(&self.poses, &self.forces) } else { holes(&self.depths, &self.forces) };
         let what =
             "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
         let hole = |[from, to]: &[f64; 2]| {
@@ -488,7 +500,7 @@ impl Recording {
     }
 }
 
-/// Which axes are measured, of the readings of a bag; what is missing is said.
+/// Determines the measured axes from the readings of a bag, and reports the missing ones.
 fn measured_axes(topic: &str, reading: &mut Reading, forces: impl Iterator<Item = [f64; 3]> + Clone) -> MeasuredAxes {
     let mut axes = MeasuredAxes::default();
     forces.clone().for_each(|force| axes.note(&force));
@@ -498,7 +510,7 @@ fn measured_axes(topic: &str, reading: &mut Reading, forces: impl Iterator<Item 
     axes
 }
 
-/// Counts readings without a number, and says where a force has none at all.
+/// Adds a loss for readings that are not numbers, with another text if the force has no number at all.
 fn lose_unmeasured(topic: &str, count: usize, none: bool, losses: &mut Vec<Loss>) {
     let mut lose = |count: usize, reason: &str| {
         losses.push(Loss::Samples { topic: topic.to_owned(), count: count as u64, reason: reason.to_owned() });
@@ -511,14 +523,14 @@ fn lose_unmeasured(topic: &str, count: usize, none: bool, losses: &mut Vec<Loss>
     }
 }
 
-/// A column that was named and is in none of the files.
+/// A column that the user named and that none of the files has.
 fn in_no_file(read: &[Table]) -> Option<(&'static str, String)> {
     let (first, rest) = read.split_first()?;
     let absent = |named: &&(&'static str, String)| rest.iter().all(|table| table.absent().contains(named));
     first.absent().iter().find(absent).cloned()
 }
 
-/// Values with their times, in order.
+/// Values with their times, sorted.
 fn ordered<V: PartialEq>(
     of: super::series::Gathered<V>,
     base: clocks::Base,
@@ -534,7 +546,7 @@ fn span(times: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     times.fold(None, |span, t| Some(span.map_or((t, t), |(a, b): (f64, f64)| (a.min(t), b.max(t)))))
 }
 
-/// Positions of tracked points; one that is not finite was not seen.
+/// Positions of tracked points; NaN coordinates mean that a point was not seen.
 fn marked(m: &PoseArray, frame_id: &str) -> Result<Vec<[f64; 3]>, String> {
     let frame = m.header.frame_id.trim_start_matches('/');
     if !frame.is_empty() && frame != frame_id.trim_start_matches('/') {
@@ -545,7 +557,8 @@ fn marked(m: &PoseArray, frame_id: &str) -> Result<Vec<[f64; 3]>, String> {
     Ok(m.poses.iter().map(|pose| pose.position.into()).collect())
 }
 
-/// Whether a path is a bag: a folder, or an MCAP file, packed or not; or a file of another kind of bag, which says what to do.
+/// Whether a path is a bag: a folder, or an MCAP file, compressed or not. Other bag formats count too; reading them
+/// gives an error that says what to do.
 #[must_use]
 pub fn is_bag(path: &Path) -> bool {
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -558,5 +571,6 @@ pub fn is_bag(path: &Path) -> bool {
 /// # Errors
 /// [`TableError`].
 pub fn tables(paths: &[PathBuf], said: &Selection) -> Result<Vec<Table>, TableError> {
+    refuse_options(paths, said)?;
     paths.iter().enumerate().map(|(number, path)| Table::read(path, said, number)).collect()
 }

@@ -1,27 +1,27 @@
-//! What of a recording is the depth, what the force, and what their numbers mean.
+//! The user's selection: the columns or topics of depth and force, and the meaning of their numbers.
 
 use super::TopicNames;
 use super::recording::RecordingError;
 use super::unit::Dimension;
 
-/// A recorded quantity: where it stands, and what its numbers mean.
+/// A recorded quantity: its location and the meaning of its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quantity {
-    /// Topic (`/load_cell`, `/daq[3]` for an element of an array), or column of a table by its header or by its number from 1.
-    /// `None`: the one that stands out.
+    /// Topic (`/load_cell`, `/daq[3]` for an element of an array), or column of a table by its header or by its
+    /// number from 1. `None`: chosen automatically.
     pub place: Option<String>,
-    /// Unit; `None`: as the header of the column says, SI of a topic.
+    /// Unit; `None`: that of the column's header, or SI for a topic.
     pub unit: Option<String>,
-    /// The number rises as the depth falls, or is the force on the tissue.
+    /// Whether the number rises as the depth falls, or is the force on the tissue.
     pub reversed: bool,
-    /// The recorded number that stands for zero: the reading at first contact.
+    /// Recorded number at zero: the reading at first contact.
     pub zero: f64,
-    /// What one of the recorded numbers is, in the unit: one over the counts of an encoder per unit. `None`: 1.
+    /// Size of one count in the unit, such as 1 over an encoder's counts per unit. `None`: 1.
     pub factor: Option<f64>,
 }
 
 impl Quantity {
-    /// Whether the recording's own numbers are taken as they are.
+    /// Whether the recorded numbers are used unchanged.
     #[must_use]
     pub const fn is_plain(&self) -> bool {
         self.place.is_none() && self.unit.is_none() && !self.reversed && self.zero == 0.0 && self.factor.is_none()
@@ -33,7 +33,7 @@ impl Quantity {
         if self.reversed { -1.0 } else { 1.0 }
     }
 
-    /// Size of the unit of a topic's numbers with the sign, m or N.
+    /// Size of a topic's unit with the sign, in m or N.
     pub(super) fn scale(&self, dimension: Dimension, option: &'static str) -> Result<f64, UnknownUnit> {
         let unit = self.unit.as_deref().map_or(Ok(1.0), |text| {
             let unknown = || UnknownUnit { option, text: text.to_owned(), known: dimension.names() };
@@ -43,49 +43,51 @@ impl Quantity {
     }
 }
 
-/// A unit that is none.
+/// An unknown unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{option} {text}: known are {known}")]
 pub struct UnknownUnit {
-    /// Which option.
+    /// The option.
     pub option: &'static str,
-    /// What it says.
+    /// Its value.
     pub text: String,
-    /// What it may say.
+    /// The known units.
     pub known: String,
 }
 
-/// How the text of a table is laid out; what is not said is seen from the text.
+/// Layout of a text table; options that are not given are detected.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TableLayout {
-    /// Between cells.
+    /// Separator between cells.
     pub separator: Option<char>,
-    /// Numbers are written 0,5.
+    /// Whether numbers are written with a decimal comma (0,5).
     pub decimal_comma: Option<bool>,
     /// Number of the line with the headers, from 1; 0: there are none.
     pub header_line: Option<usize>,
-    /// What a line to be left out begins with.
+    /// Start of a comment line.
     pub comment: Option<String>,
-    /// Which of several recordings in one file, from 1.
+    /// Index of the recording in a file with several, from 1.
     pub block: Option<usize>,
+    /// Sheet of a workbook; `None`: the first that has rows of numbers.
+    pub sheet: Option<String>,
 }
 
-/// Everything that a user can say of a recording: of a bag and of a table alike.
+/// All options for reading a recording, for bags and tables.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Topics of this project's own types, joint and frame.
+    /// Topics with this project's own types, joint and frame.
     pub names: TopicNames,
     /// The displacement sensor.
     pub position: Quantity,
     /// The load cell.
     pub force: Quantity,
-    /// How late the force's stamps are against the position's, s: taken off them.
+    /// Delay of the force's stamps relative to the position's, s; it is subtracted.
     pub time_offset_s: f64,
     /// Columns of time, one for all files or one for each.
     pub time: Vec<String>,
     /// Units of the time, one for all files or one for each.
     pub time_unit: Vec<String>,
-    /// Rows per second, of a table without time.
+    /// Rows per second, for a table without time.
     pub rate_hz: Option<f64>,
     /// Columns of the tip's x, y and z in the sample's frame, in the position's unit.
     pub pose: Option<[String; 3]>,
@@ -93,15 +95,17 @@ pub struct Selection {
     pub orientation: Option<[String; 4]>,
     /// Columns of the force's x, y and z.
     pub forces: Option<[String; 3]>,
-    /// Turns the force from the sensor's frame into the sample's: w, x, y, z.
+    /// Reading of a load cell with three components without load, in the force's unit. With one component: `force.zero`.
+    pub force_zeros: Option<[f64; 3]>,
+    /// Rotates the force from the sensor's frame to the sample's: w, x, y, z.
     pub sensor_rotation: Option<[f64; 4]>,
     /// Pose of the sample in the frame of the recorded poses: x, y, z in m, and the quaternion x, y, z, w.
     pub sample_pose: Option<[f64; 7]>,
     /// Columns of markers, x, y and z of each, in the position's unit.
     pub markers: Vec<String>,
-    /// Length that a strain is a share of, m: the position is given as a strain.
+    /// Gauge length, m, if the position is given as a strain.
     pub gauge_length_m: Option<f64>,
-    /// How the text is laid out.
+    /// Layout of the text.
     pub layout: TableLayout,
 }
 
@@ -121,7 +125,41 @@ impl Selection {
         Self::refused(&[("--sample-pose", self.sample_pose.is_some())], "depths", remedy)
     }
 
-    /// Refuses what has no meaning for a bag.
+    /// Whether it was said what the load cell reads without load.
+    pub(super) fn has_force_zero(&self) -> bool {
+        self.force.zero != 0.0 || self.force_zeros.is_some()
+    }
+
+    /// Refuses a zero of a force where there is none.
+    pub(super) fn zero_of_a_force(&self, is_there: bool) -> Result<(), RecordingError> {
+        let options = [("--force-zero", self.has_force_zero() && !is_there)];
+        Self::refused(
+            &options,
+            "a recording without a force",
+            "name the force with --force-column (--force-topic of a bag)",
+        )
+    }
+
+    /// What a force of a bag reads without load, in the recorded unit. `only`: the one axis that is measured; `across`: whether there is a
+    /// force along x or y; `is_number`: it was recorded as one number.
+    pub(super) fn zero_in_a_bag(
+        &self,
+        only: Option<usize>,
+        across: bool,
+        is_number: bool,
+    ) -> Result<[f64; 3], RecordingError> {
+        let one = [("--force-zero with one number", self.force.zero != 0.0 && only.is_none() && across)];
+        Self::refused(&one, "a force with three components", "give what each of them reads without load, X,Y,Z")?;
+        let three = [("--force-zero X,Y,Z", self.force_zeros.is_some() && is_number)];
+        Self::refused(&three, "a force that is one number", "give one number")?;
+        let mut zero = self.force_zeros.unwrap_or_default();
+        if self.force.zero != 0.0 {
+            zero[only.unwrap_or(2)] = self.force.zero;
+        }
+        Ok(zero)
+    }
+
+    /// Rejects options that do not apply to a bag.
     pub(super) fn fits_a_bag(&self, by_pose: bool) -> Result<(), RecordingError> {
         let options = [
             ("--time", !self.time.is_empty()),
@@ -131,15 +169,20 @@ impl Selection {
             ("--force-columns", self.forces.is_some()),
             ("--gauge-length-m", self.gauge_length_m.is_some()),
             ("--block", self.layout.block.is_some()),
+            ("--sheet", self.layout.sheet.is_some()),
         ];
         Self::refused(&options, "a bag", "leave it out")?;
         if by_pose { self.of_poses() } else { self.of_depths() }
     }
 
-    /// Refuses what has no meaning for tables.
+    /// Rejects options that do not apply to tables.
     pub(super) fn fits_a_table(&self, by_pose: bool) -> Result<(), RecordingError> {
         let options = [("--force-column", self.forces.is_some() && self.force.place.is_some())];
         Self::refused(&options, "a force of --force-columns", "give one of them")?;
+        let vector = [("--force-zero with one number", self.forces.is_some() && self.force.zero != 0.0)];
+        Self::refused(&vector, "a force of three columns", "give what each of them reads without load, X,Y,Z")?;
+        let scalar = [("--force-zero X,Y,Z", self.forces.is_none() && self.force_zeros.is_some())];
+        Self::refused(&scalar, "a force of one column", "give one number")?;
         if by_pose { self.of_poses() } else { self.of_depths() }
     }
 }

@@ -1,4 +1,4 @@
-//! Values of one topic over time: decoded, stamped and put in order, with what is lost on the way.
+//! Values of one topic over time: decoded, stamped and sorted, with the losses.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -8,10 +8,10 @@ use super::order::Ordered;
 use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagReader, Loss, Message};
 
-/// Reasons that are told apart; further ones are counted together.
+/// Number of distinct reasons; further ones are counted together.
 const REASONS: usize = 8;
 
-/// Reads series and gathers what is lost on the way.
+/// Reads series and collects losses.
 pub(super) struct Reading<'a> {
     pub bag: &'a BagReader,
     pub losses: Vec<Loss>,
@@ -21,19 +21,19 @@ pub(super) struct Reading<'a> {
 /// Stamped values (ns since 1970) and their frame.
 pub(super) type Series<V> = (Vec<(i64, V)>, String);
 
-/// Values of one topic as they were recorded.
+/// Values of one topic in the order of recording.
 pub(super) struct Gathered<V> {
     pub topic: String,
     pub samples: Vec<(Arrival, V)>,
     pub frame: String,
-    /// Messages that held nothing for us, by the reason.
+    /// Number of messages without relevant content, by the reason.
     pub nothing: BTreeMap<String, u64>,
 }
 
-/// What a message holds.
+/// Content of a message.
 pub(super) enum Held<V, E> {
     Value(V),
-    /// Nothing for us, and no fault: it is of another part of the rig.
+    /// Valid, but not relevant: it belongs to another part of the rig.
     Nothing(E),
     Refused(E),
 }
@@ -45,7 +45,7 @@ impl<V, E> From<Result<V, E>> for Held<V, E> {
 }
 
 impl Reading<'_> {
-    /// Values of one topic in the order of the bag; why a message has none is counted by its reason.
+    /// Values of one topic in the order of the bag. Messages without a value are counted by the reason.
     pub fn gather<V, E: Display>(
         &mut self,
         topic: Option<usize>,
@@ -90,7 +90,7 @@ impl Reading<'_> {
     }
 }
 
-/// Samples in the order of their stamps, without those that are of another time.
+/// Samples in the order of their stamps, without outlying stamps.
 pub(super) fn in_order<V: PartialEq>(
     topic: &str,
     samples: Vec<(i64, V)>,

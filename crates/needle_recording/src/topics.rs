@@ -1,17 +1,17 @@
-//! Which topics of a bag are the position, the force and the tracked points.
+//! Finds the topics of position, force and tracked points in a bag.
 
 use std::path::Path;
 
 use super::foreign::{ForceSource, POSES, PositionSource, WRENCHES};
 use super::recording::RecordingError;
-use super::selection::Selection;
+use super::selection::{Quantity, Selection};
 use super::unit::Dimension;
 use ros2_messages::RosMessage;
 use ros2_messages::geometry_msgs::PoseStamped;
 use ros2_messages::sensor_msgs::JointState;
 use rosbag2_mcap::{BagError, BagReader, Topic};
 
-/// The bag and what it says of itself.
+/// The bag and its description.
 pub(super) fn describe(bag: &BagReader) -> String {
     let name = Path::new(bag.name()).file_name().map_or(bag.name().into(), |n| n.to_string_lossy());
     match bag.custom_data("description") {
@@ -51,21 +51,22 @@ pub(super) fn no_motion(bag: &BagReader) -> BagError {
     }
 }
 
-/// A topic that is looked for.
+/// A topic to be found.
 pub(super) struct Sought<'a> {
-    /// Its name, where it was said.
+    /// The name that the user gave.
     pub named: Option<&'a str>,
-    /// The last part of the name that it usually has.
+    /// The usual last part of its name.
     pub suffix: &'a str,
-    /// Types that it may have, the usual one first.
+    /// Possible types, the usual one first.
     pub types: &'a [&'a str],
-    /// Last parts of names that it never has.
+    /// Excluded last parts of names.
     pub never: &'a [&'a str],
-    /// Whether the only topic of a type that is not the usual one will do.
+    /// Whether a topic with a less usual type is accepted, if it is the only one.
     pub any_type: bool,
 }
 
-/// The named topic, or the one whose name ends as usual, or the only one of the usual type, or of another one.
+/// Finds the topic by the given name, else by the usual last part of the name, else as the only one of the usual
+/// type, or of another type.
 pub(super) fn find(bag: &BagReader, sought: &Sought) -> Result<Option<usize>, BagError> {
     if let Some(name) = sought.named {
         return named(bag, name, sought.types).map(Some);
@@ -119,7 +120,7 @@ pub(super) fn joint_state(bag: &BagReader, said: &Selection) -> Result<Option<us
     find(bag, &Sought { named, suffix: "measured_js", types, never: &[], any_type: false })
 }
 
-/// The tip's pose: a topic of a less usual type only where nothing else says the motion.
+/// The tip's pose. A less usual type is accepted only if no other topic gives the motion.
 pub(super) fn pose(bag: &BagReader, said: &Selection, any_type: bool) -> Result<Option<usize>, BagError> {
     let of_position = said.position.place.as_deref().filter(|name| is_pose(bag, name));
     let named = said.names.pose.as_deref().or(of_position);
@@ -135,7 +136,7 @@ pub(super) fn pose(bag: &BagReader, said: &Selection, any_type: bool) -> Result<
     )
 }
 
-/// Whether a topic is one of poses.
+/// Whether a topic contains poses.
 pub(super) fn is_pose(bag: &BagReader, name: &str) -> bool {
     let bare = name.trim_start_matches('/');
     bag.topics().iter().any(|t| t.name.trim_start_matches('/') == bare && POSES.contains(&t.type_name.as_str()))
@@ -147,7 +148,7 @@ pub(super) fn wrench(bag: &BagReader, said: &Selection) -> Result<Option<usize>,
     find(bag, &Sought { named, suffix: "measured_cf", types: &WRENCHES, never: &["predicted_cf"], any_type: true })
 }
 
-/// The displacement sensor as the user describes it; `None` where its own numbers are taken as they are.
+/// The displacement sensor as the user describes it; `None` if its numbers are used unchanged.
 pub(super) fn position_source(bag: &BagReader, said: &Selection) -> Result<Option<PositionSource>, RecordingError> {
     let m_per_unit = said.position.scale(Dimension::Length, "--position-unit")?;
     if said.position.is_plain() {
@@ -168,10 +169,11 @@ pub(super) fn position_source(bag: &BagReader, said: &Selection) -> Result<Optio
     Ok(topic.map(source))
 }
 
-/// The load cell as the user describes it; as [`position_source`].
+/// The load cell as the user describes it; `None` as in [`position_source`].
 pub(super) fn force_source(bag: &BagReader, said: &Selection) -> Result<Option<ForceSource>, RecordingError> {
     let n_per_unit = said.force.scale(Dimension::Force, "--force-unit")?;
-    if said.force.is_plain() {
+    // the zero is taken off where the measured axes are known
+    if (Quantity { zero: 0.0, ..said.force.clone() }).is_plain() {
         return Ok(None);
     }
     let own = wrench(bag, said);

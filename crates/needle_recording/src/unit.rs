@@ -1,9 +1,9 @@
-//! Units as they stand in the headers of tables and on the command line.
+//! Units in table headers and on the command line.
 
 /// Standard gravity, m/s2 (ISO 80000-3): a gram-force is its weight.
 const GRAVITY: f64 = 9.806_65;
 
-/// What a number measures.
+/// Physical dimension of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// In s.
@@ -53,26 +53,26 @@ impl Dimension {
         }
     }
 
-    /// Size of a unit in s, m or N. A micro sign counts as u; other letters are as the unit writes them, but that of a unit of one
-    /// meaning may be in either case (`MM`, `Sec`).
+    /// Size of a unit in s, m or N. A micro sign counts as u. Case matters, except for units that are unambiguous in
+    /// any case (`MM`, `Sec`).
     #[must_use]
     pub fn unit(self, text: &str) -> Option<f64> {
         let text = text.trim().replace(['µ', 'μ'], "u");
         let exact = self.units().iter().find(|(name, _)| *name == text);
-        // MN is no mN, and Ms no ms
+        // MN is not mN, and Ms is not ms
         let loose = |name: &str| name.eq_ignore_ascii_case(&text) && !text.starts_with('M');
         let any =
             exact.or_else(|| self.units().iter().find(|(name, _)| loose(name) || (text == "MM" && *name == "mm")));
         any.map(|(_, size)| *size)
     }
 
-    /// The units, for a message.
+    /// The units, for messages.
     #[must_use]
     pub fn names(self) -> String {
         self.units().iter().map(|(name, _)| *name).filter(|name| name.is_ascii()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The unit that a header carries: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` where it carries none.
+    /// The unit in a header: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
     #[must_use]
     pub fn of_header(self, header: &str) -> Option<(String, f64)> {
         let within = |open: char, close: char| {
@@ -85,7 +85,7 @@ impl Dimension {
             .chain(behind)
             .flatten();
         found.map(str::trim).find_map(|unit| {
-            // names in snake case are in small letters: depth_m, force_n
+            // names in snake case have lower-case units: depth_m, force_n
             let own = header.contains('_').then(|| self.units().iter().find(|(name, _)| name.to_lowercase() == unit));
             let size = own.flatten().map(|(_, size)| *size).or_else(|| self.unit(unit))?;
             Some((unit.to_owned(), size))
@@ -93,7 +93,7 @@ impl Dimension {
     }
 }
 
-/// Whether a cell of a row of units could be one: `(mm)`, `[N]`, `s`, `-`, `%`, or empty.
+/// Whether a cell may belong to a row of units: `(mm)`, `[N]`, `s`, `-`, `%`, or empty.
 pub(super) fn is_unit(cell: &str) -> bool {
     let cell = cell.trim();
     let bare = cell.trim_matches(['(', ')', '[', ']', '<', '>']);

@@ -1,4 +1,4 @@
-//! A recording as a bag: the topics that the twin takes, stamped as they were recorded.
+//! Writes a recording as a bag with the topics that the twin reads. The stamps are those of the recording.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,12 +10,12 @@ use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, BagWriter, Qos, WriterOptions, Written};
 
-/// Times before this are seconds of a clock of its own: 1980-01-06, when that of GPS begins.
+/// Earlier times are seconds of a free-running clock: 1980-01-06, the epoch of GPS.
 const OWN_CLOCK_NS: i64 = 315_964_800 * 1_000_000_000;
-/// Where such a clock's zero is put: 2000-01-01. A stamp of zero would count as none.
+/// Origin for such a clock: 2000-01-01. A stamp of zero would count as missing.
 const ZERO_NS: i64 = 946_684_800 * 1_000_000_000;
 
-/// What is written next.
+/// The next sample to be written.
 enum Sample {
     Depth(usize),
     Pose(usize),
@@ -24,8 +24,8 @@ enum Sample {
 }
 
 impl Recording {
-    /// Writes the series as a rosbag2 folder: `/measured_js`, `/measured_cp`, `/measured_cf`, `/measured_targets`, as far as there are such. The same
-    /// recording gives the same bytes.
+    /// Writes the series as a rosbag2 folder: `/measured_js`, `/measured_cp`, `/measured_cf`, `/measured_targets`, as
+    /// far as they exist. The same recording gives the same bytes.
     ///
     /// # Errors
     /// [`BagError`] if the folder exists, or can't be written.
@@ -42,7 +42,7 @@ impl Recording {
         }
         let origin_ns = self.origin_ns + if own_clock { ZERO_NS } else { 0 };
         let library = needle_core::WRITER.to_owned();
-        // two thirds of the time at zstd's own level, and of such messages no more room
+        // takes two thirds of the time of zstd's default level, without a larger file for these messages
         let options =
             WriterOptions { flush_after: None, custom_data, library, compression_level: 1, ..WriterOptions::default() };
         let mut bag = BagWriter::create(folder, options)?;
@@ -59,7 +59,7 @@ impl Recording {
             .transpose()?;
         let stamp = |time_s: f64| origin_ns + (time_s * 1e9).round() as i64;
         let header = |ns: i64, frame: &str| Header { stamp: Time::from_nanos(ns), frame_id: frame.to_owned() };
-        // of a million readings only the numbers differ
+        // reused, since only the numbers differ between a million readings
         let (name, position) = (vec![self.topics.joint.clone()], vec![0.0]);
         let mut joint = JointState { header: header(0, ""), name, position, ..JointState::default() };
         let frame = if self.force_frame.is_empty() { &self.topics.frame_id } else { &self.force_frame };
@@ -100,7 +100,7 @@ impl Recording {
         bag.finish()
     }
 
-    /// All samples in the order of their times, of equal times the motion's first.
+    /// All samples in order of time; for equal times the motion's first.
     fn in_time(&self) -> impl Iterator<Item = Sample> {
         let mut next = [0_usize; 4];
         std::iter::from_fn(move || {
@@ -120,7 +120,7 @@ impl Recording {
     }
 }
 
-/// The shortest rotation that turns +z to a unit vector.
+/// The shortest rotation of +z to a unit vector.
 fn pointing([x, y, z]: [f64; 3]) -> Quaternion {
     if z < -1.0 + 1e-12 {
         return Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };

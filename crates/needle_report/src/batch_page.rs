@@ -1,11 +1,11 @@
-//! `batch`'s page: what the samples have in common, and one small picture per recording, the worst first.
+//! The page of `batch`: pooled results of the samples, and one small plot per recording, the worst first.
 
 use std::fmt::Write as _;
 
 use super::svg::escaped;
 use needle_estimate::batch::{Fit, Group, Merged, Row, Sample};
 
-/// Size of a small picture, px.
+/// Size of a small plot, px.
 const SIZE: [f64; 2] = [220.0, 120.0];
 const MARGIN: f64 = 8.0;
 
@@ -17,7 +17,7 @@ font-size:12px}.card b{font-size:13px}.bad{color:#b00020}.m{fill:none;stroke:#88
 stroke-width:1.5}@media(prefers-color-scheme:dark){body{color:#e8e8e8;background:#161616}td,th,.card{border-color:#444}\
 .p{stroke:#5ab0f0}.bad{color:#ff7b8a}}";
 
-/// How bad a row is: failed first, then by what its prediction, or else its fit, leaves of the peak.
+/// Sort key of a row: failures first, then by the error of its prediction, or else of its fit, over the peak.
 fn badness(merged: &Merged, row: &Row) -> (u8, f64) {
     let Some(fit) = merged.chosen(row).filter(|_| row.failed.is_none()) else { return (0, 0.0) };
     let predicted = fit.held_out.as_ref().map(|h| h.end_error().abs()).filter(|e| e.is_finite());
@@ -28,7 +28,7 @@ fn percent(x: Option<f64>) -> String {
     x.filter(|x| x.is_finite()).map_or_else(|| "-".to_owned(), |x| format!("{:.1} %", 100.0 * x))
 }
 
-/// Four figures.
+/// A number with four significant digits.
 fn figure(x: f64) -> String {
     let digits = (3.0 - x.abs().max(1e-300).log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{x:.digits$}")

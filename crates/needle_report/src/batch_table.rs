@@ -1,4 +1,4 @@
-//! `batch`'s files: a row for a table, all rows together, and the page.
+//! The files of `batch`: the file of one row, the files of all rows, and the page.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::files::{self, Rendered};
 use super::{ReportError, batch_page::batch_html};
 use needle_estimate::batch::{Fit, HeldOut, Merged, ROWS, Row, SAMPLES, SampleRow, sealed};
 
-/// Writes the row of one recording; whole, or not at all.
+/// Writes the row of one recording, completely or not at all.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -27,7 +27,7 @@ pub fn sample_path(out: &Path, sample: &str) -> PathBuf {
     out.join(sample_name(sample))
 }
 
-/// Writes the row of one sample; whole, or not at all.
+/// Writes the row of one sample, completely or not at all.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -50,7 +50,7 @@ pub fn write_batch(out: &Path, merged: &Merged) -> Result<Vec<PathBuf>, ReportEr
     files::write(out, &rendered)
 }
 
-/// What the recordings have in common, for programs.
+/// The pooled results, for programs.
 #[must_use]
 pub fn batch_json(merged: &Merged) -> String {
     let count = |word: &str| {
@@ -68,7 +68,7 @@ pub fn batch_json(merged: &Merged) -> String {
     format!("{body:#}\n")
 }
 
-/// A line per recording with the model that was chosen, or with all models.
+/// A line per recording, with the chosen model or with all models.
 fn table(merged: &Merged, all: bool) -> String {
     let mut keys: Vec<&str> =
         merged.rows.iter().flat_map(|r| &r.fits).flat_map(|f| &f.keys).map(|k| k.key.as_str()).collect();
@@ -97,7 +97,7 @@ fn table(merged: &Merged, all: bool) -> String {
     let of_keys = keys.iter().flat_map(|k| [(*k).to_owned(), format!("{k}_standard_error")]);
     let header = fixed.iter().map(|s| (*s).to_owned()).chain(of_keys);
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let mut write = |cells: Vec<String>| writer.write_record(cells).unwrap_or_default(); // memory takes anything
+    let mut write = |cells: Vec<String>| writer.write_record(cells).unwrap_or_default(); // writing to memory can't fail
     write(header.collect());
     for row in &merged.rows {
         let chosen = merged.chosen(row);

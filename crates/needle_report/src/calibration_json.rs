@@ -1,11 +1,11 @@
-//! `calibration.json`: what a calibration found, for programs.
+//! `calibration.json`: the result of a calibration, for programs.
 
 use super::metrics::{alignment_json, verdict_json};
 use needle_estimate::calibrate::{Calibration, Estimate, Prediction};
 use serde_json::{Map, Value, json};
 
 /// Content of `calibration.json`, as `calibrate --json` prints it. Keys are only ever added. A number that the data
-/// don't determine is `null`; one that is not finite is never written.
+/// don't determine is `null`; a number that is not finite is never written.
 #[must_use]
 pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Option<&Prediction>) -> String {
     let (keys, beside) = calibration.estimates.split_at(calibration.keys);

@@ -1,4 +1,5 @@
-//! `calibration.png` and `.svg`: measured force, the twin's before and after over depth; what is left over time.
+//! `calibration.png` and `.svg`: measured force over depth with the twin's before and after the fit; residual over
+//! time.
 
 use super::{
     fonts::fitted,
@@ -15,12 +16,12 @@ const SIDES: [f64; 2] = [84.0, 932.0];
 const MEASURED: Pen = Pen::new(INK, 1.5);
 const START: Pen = Pen::new(Colour(0x9a, 0xa4, 0xb1, 1.0), 1.8).dashed([3.0, 4.0]);
 const FITTED: Pen = Pen::new(BLUE, 2.2).dashed([8.0, 5.0]);
-/// Forces under this are shown in mN.
+/// Forces below this are shown in mN.
 const SMALL_N: f64 = 0.2;
-/// Points of a curve that are drawn.
+/// Number of drawn points per curve.
 const DRAWN: usize = 1500;
 
-/// The picture of a calibration.
+/// The plot of a calibration.
 pub(super) fn calibration_plot(calibration: &Calibration, source: &str) -> Picture {
     let mut picture = Picture::new(WIDTH, HEIGHT);
     let f = &calibration.forces;

@@ -1,4 +1,4 @@
-//! Marks of the charts of error against cost, and their legend.
+//! Marks of the plots of error against cost, and their legend.
 
 use super::{
     cost_plot::AREA,
@@ -22,7 +22,7 @@ fn colour(case: &Case) -> Colour {
     }
 }
 
-/// Colours, marks and lines of the chart and what they say, above [`AREA`].
+/// The legend of colours, marks and lines, above [`AREA`].
 pub(super) fn legend(picture: &mut Picture) {
     let text = |picture: &mut Picture, x: &mut f64, y: f64, words: &str| {
         picture.text([*x, y], words, Type { colour: INK, ..label(Anchor::Start) });
@@ -103,7 +103,8 @@ pub(super) fn mark(picture: &mut Picture, at: [f64; 2], case: &Case) {
     shape(picture, at, case, colour(case));
 }
 
-/// Disc: half plane; square: space; triangle: half of it; hexagon: hexahedra; hollow: a slow stream of poses. Crosses: locking not cured. A ring round it: corrected.
+/// Disc: half plane; square: three dimensions; triangle: half of it; hexagon: hexahedra; hollow: a slow stream of
+/// poses. Crosses: locking not treated. With a ring: corrected.
 fn shape(picture: &mut Picture, [x, y]: [f64; 2], case: &Case, colour: Colour) {
     let Colour(r, g, b, _) = colour;
     let pen = Pen::new(colour, 1.5);
@@ -130,7 +131,7 @@ fn shape(picture: &mut Picture, [x, y]: [f64; 2], case: &Case, colour: Colour) {
     } else if case.has_hexahedra() {
         polygon(6, 1.3 * m)
     } else if case.is_half() {
-        // upright
+        // an upright triangle
         [[-1.2, 0.8], [1.2, 0.8], [0.0, -1.3], [-1.2, 0.8]].map(|[a, b]| [x + m * a, y + m * b]).to_vec()
     } else {
         [[-m, -m], [m, -m], [m, m], [-m, m], [-m, -m]].map(|[a, b]| [x + a, y + b]).to_vec()

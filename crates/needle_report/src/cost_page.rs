@@ -1,4 +1,5 @@
-//! `accuracy.html`: error against cost of every row, on one page that needs nothing else: hover shows a row, clicks filter.
+//! `accuracy.html`: error against cost of all rows, on one self-contained page. Hovering shows a row, clicking
+//! filters.
 
 use super::{cost_plot::Level, cost_plot::against, cost_plot::levels_of, cost_plot::special, page, svg::escaped};
 use needle_studies::accuracy::Row;
@@ -13,7 +14,7 @@ const SCRIPT: &str = include_str!("../../../assets/report/accuracy.js");
 /// Content of `accuracy.html`.
 pub(super) fn cost_page(scenes: &[(&str, Vec<&Row>)]) -> String {
     let data: Vec<Value> = scenes.iter().map(|(scene, rows)| data(scene, rows)).collect();
-    // A JSON text may hold "</script>" in a name; "<" is the same to JSON when escaped.
+    // A name in the JSON may contain "</script>"; an escaped "<" is equivalent in JSON.
     let data = Value::from(data).to_string().replace('<', "\\u003c");
     let parts = [
         ("{{title}}", "Error against cost".to_owned()),

@@ -1,4 +1,5 @@
-//! `accuracy_SCENE.png`: largest error of the force against the cost of a pose, both logarithmic, a mark per row.
+//! `accuracy_SCENE.png`: largest error of the force against the cost of a pose, both logarithmic, with a mark per
+//! row.
 
 use super::{
     cost_marks::{MARK, legend, mark},
@@ -15,17 +16,17 @@ const WIDTH: u32 = 1160;
 const HEIGHT: u32 = 860;
 /// Left, top, right, bottom of the marks' area, px.
 pub(super) const AREA: Box4 = [84.0, 190.0, 1136.0, 796.0];
-/// Rates of poses whose time is drawn as a line, with the name of the rate.
+/// Rates of poses whose period is drawn as a line, with the name of the rate.
 const RATES: [(f64, &str); 2] = [(100.0, "100 Hz"), (1000.0, "1 kHz")];
 const TYPE: f32 = 12.0;
 /// Size of the finite elements whose errors are drawn, mm.
 const ELEMENT_SIZE_MM: f64 = 0.5;
-/// Which of them, by the start of their names in the reference, and their names in the picture.
+/// Those finite elements: prefix of their names in the reference, and their names in the plot.
 const ELEMENTS: [(&str, &str); 2] = [("P1_", "linear triangles"), ("Q1P0", "hybrid quadrilaterals")];
-/// Share of the error by which a row of a front has to be better than the last named one to get a name as well.
+/// Relative improvement of the error over the last labelled row from which on a row of the front gets a label.
 const BETTER: f64 = 0.05;
 
-/// Cost of a pose in ms and largest error of the force in %, of a row that has both.
+/// Cost of a pose in ms and largest error of the force in %, for a row that has both.
 pub(super) fn place_of(row: &Row) -> Option<[f64; 2]> {
     let place = [1e3 * row.cost_per_pose_s(), 100.0 * row.max_force_error()?];
     place.iter().all(|v| v.is_finite() && *v > 0.0).then_some(place)
@@ -38,7 +39,7 @@ struct Axes {
 }
 
 impl Axes {
-    /// Axes that hold all places and levels, and a little more.
+    /// Axes that contain all points and levels, with a margin.
     fn holding(places: &[[f64; 2]], levels: &[Level]) -> Self {
         let range = |values: &mut dyn Iterator<Item = f64>, least: [f64; 2]| {
             let (min, max) = values.map(f64::log10).fold((least[0], least[1]), |(a, b), v| (a.min(v), b.max(v)));
@@ -62,7 +63,7 @@ fn ticks([min, max]: [f64; 2]) -> impl Iterator<Item = (f64, bool)> {
     all.filter(move |(v, _)| (min..=max).contains(&v.log10()))
 }
 
-/// The picture of the rows of one scene that were not at rest.
+/// The plot of the rows of one scene that are not runs to equilibrium.
 pub(super) fn cost_plot(scene: &str, rows: &[&Row]) -> Picture {
     let mut picture = Picture::new(WIDTH, HEIGHT);
     let shown: Vec<&Row> = rows.iter().copied().filter(|r| place_of(r).is_some()).collect();
@@ -88,7 +89,7 @@ pub(super) fn cost_plot(scene: &str, rows: &[&Row]) -> Picture {
     picture
 }
 
-/// What errors of a scene of this name are against.
+/// The reference of the errors, for a scene name.
 pub(super) fn against(scene: &str) -> &'static str {
     match reference::force(scene) {
         Some(_) => "independent finite elements",
@@ -127,7 +128,7 @@ fn grid(picture: &mut Picture, axes: &Axes) {
     picture.text([0.5 * (left + right), bottom + 46.0], "Cost of a pose in ms", centre);
 }
 
-/// Lines left of which a stream of poses is answered in time; gives the room that their names take.
+/// Vertical lines: left of them a stream of poses is answered in time. Returns the outlines of their labels.
 fn real_time(picture: &mut Picture, axes: &Axes) -> Vec<Box4> {
     let mut taken = Vec::new();
     for (hz, name) in RATES {
@@ -146,14 +147,14 @@ fn real_time(picture: &mut Picture, axes: &Axes) -> Vec<Box4> {
     taken
 }
 
-/// An error that another solution of the scene has, at a cost that is not known.
+/// The error of another solution of the scene, whose cost is not known.
 pub(super) struct Level {
-    /// %
+    /// Error, %.
     pub error: f64,
     pub text: String,
 }
 
-/// The reference's own uncertainty, and ordinary finite elements.
+/// The reference's own uncertainty, and the errors of ordinary finite elements.
 pub(super) fn levels_of(scene: &str, rows: &[&Row]) -> Vec<Level> {
     let depth = rows.iter().filter_map(|r| r.force_error.last()).map(|p| p.0).fold(0.0, f64::max);
     let own = |u: f64| Level { error: 100.0 * u, text: "the reference's own uncertainty".to_owned() };
@@ -170,7 +171,7 @@ pub(super) fn levels_of(scene: &str, rows: &[&Row]) -> Vec<Level> {
     levels
 }
 
-/// Draws the levels, their names as far right as no point is in the way; gives the room that the names take.
+/// Draws the levels, with labels as far right as the points allow. Returns the outlines of the labels.
 fn draw_levels(picture: &mut Picture, axes: &Axes, levels: &[Level], points: &[[f64; 2]]) -> Vec<Box4> {
     let mut taken = Vec::new();
     for Level { error, text } in levels {
@@ -189,20 +190,20 @@ fn draw_levels(picture: &mut Picture, axes: &Axes, levels: &[Level], points: &[[
     taken
 }
 
-/// Whether a point's mark lies in a rectangle or at its edge.
+/// Whether a point's mark is inside a rectangle or at its edge.
 fn near(outline: &Box4, [x, y]: [f64; 2]) -> bool {
     let m = MARK + 2.0;
     (outline[0] - m..outline[2] + m).contains(&x) && (outline[1] - m..outline[3] + m).contains(&y)
 }
 
-/// Rows with a name of their own: as shipped, and the source paper's setting.
+/// Rows with names: as shipped, and the source paper's setting.
 pub(super) fn special(scene: &str, rows: &[&Row]) -> Vec<(usize, &'static str)> {
     let named = posed(scene).ok().and_then(|scene| named(&scene).ok()).unwrap_or_default();
     let found = |(case, name): (Case, _)| Some((rows.iter().position(|row| row.case == case)?, name));
     named.into_iter().filter_map(found).collect()
 }
 
-/// Rows that get a label, the most important first: those with a name of their own, then the fronts.
+/// Rows with labels, the most important first: those with names, then the Pareto fronts.
 fn labelled(scene: &str, rows: &[&Row], fronts: &[Vec<usize>; 2]) -> Vec<(usize, String)> {
     let mut labels: Vec<(usize, String)> =
         special(scene, rows).into_iter().map(|(i, name)| (i, name.to_owned())).collect();
@@ -221,7 +222,7 @@ fn labelled(scene: &str, rows: &[&Row], fronts: &[Vec<usize>; 2]) -> Vec<(usize,
     labels
 }
 
-/// A row in a few words.
+/// Short description of a row.
 fn short(row: &Row) -> String {
     let c = &row.case;
     let mut text = format!("{}, {} nodes", c.method_name(), row.nodes);

@@ -4,11 +4,11 @@ use needle_estimate::calibrate::Forces;
 use needle_estimate::compare::Run;
 use std::fmt::Write as _;
 
-/// Content of `force.csv`: `time_s,depth_m,predicted_n,measured_n`, then the force on the instrument in frame `sample`, predicted and
-/// measured (`predicted_x_n` to `measured_z_n`), and of a run with members `predicted_low_n,predicted_high_n`, between which 95 % of them
-/// lie; one line per answered pose.
+/// Content of `force.csv`, one line per answered pose. The columns are `time_s,depth_m,predicted_n,measured_n`, then
+/// the force on the instrument in frame `sample`, predicted and measured (`predicted_x_n` to `measured_z_n`). With an
+/// ensemble there are also `predicted_low_n,predicted_high_n`, the ends of its 95 % band.
 ///
-/// A measured force is empty where there is none, and so is any number that is not finite.
+/// A measured force is empty if there is none, and so is any number that is not finite.
 #[must_use]
 pub fn force_csv(run: &Run) -> String {
     let mut text = String::from("time_s,depth_m,predicted_n,measured_n");
@@ -29,8 +29,8 @@ pub fn force_csv(run: &Run) -> String {
     text
 }
 
-/// Content of `forecast.csv`: `time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n`, one line per reading that was forecast
-/// from those up to one horizon before; `None` without a load cell or members.
+/// Content of `forecast.csv`: `time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n`, one line per
+/// reading that was forecast from readings up to one horizon before. `None` without a load cell or an ensemble.
 #[must_use]
 pub(super) fn forecast_csv(run: &Run) -> Option<String> {
     let (answers, found) = run.ensemble.as_ref()?.assimilated.as_ref().filter(|(answers, _)| !answers.is_empty())?;
@@ -45,8 +45,8 @@ pub(super) fn forecast_csv(run: &Run) -> Option<String> {
     Some(text)
 }
 
-/// Content of `keys.csv`: `time_s,depth_m,KEY,KEY_standard_deviation,...`, what load cell and tracked points say of each uncertain key after each
-/// block of readings; `None` where nothing was measured or without members.
+/// Content of `keys.csv`: `time_s,depth_m,KEY,KEY_standard_deviation,...`, the assimilated value of each uncertain
+/// key after each block of readings. `None` without measurements or without an ensemble.
 #[must_use]
 pub(super) fn keys_csv(run: &Run) -> Option<String> {
     let ensemble = run.ensemble.as_ref()?;
@@ -68,7 +68,8 @@ pub(super) fn keys_csv(run: &Run) -> Option<String> {
     Some(text)
 }
 
-/// Content of `deformation.csv`: `time_s,depth_m,deformation_coefficient`, of a needle with friction on its way in; `None` of others.
+/// Content of `deformation.csv`: `time_s,depth_m,deformation_coefficient`, for a needle with friction during its
+/// insertion; otherwise `None`.
 #[must_use]
 pub(super) fn deformation_csv(run: &Run) -> Option<String> {
     let mut text = String::from("time_s,depth_m,deformation_coefficient\n");
@@ -78,7 +79,7 @@ pub(super) fn deformation_csv(run: &Run) -> Option<String> {
     (!run.coefficients.is_empty()).then_some(text)
 }
 
-/// Content of `targets.csv`, one line per moment and three columns per target, as plotting tools take them:
+/// Content of `targets.csv`, one line per time and three columns per target, as plotting tools expect:
 /// `time_s,depth_m,NAME_x_m,NAME_y_m,NAME_z_m,...` (present position in frame `sample`).
 #[must_use]
 pub fn targets_csv(run: &Run) -> String {
@@ -99,8 +100,8 @@ pub fn targets_csv(run: &Run) -> String {
     text
 }
 
-/// Content of `calibration.csv`: `time_s,depth_m,measured_n,start_n,fitted_n`, one line per pose with a measured force;
-/// `fitted_n` has the load cell's offset and drift on it.
+/// Content of `calibration.csv`: `time_s,depth_m,measured_n,start_n,fitted_n`, one line per pose with a measured
+/// force. `fitted_n` includes the load cell's offset and drift.
 pub(super) fn calibration_csv(forces: &Forces) -> String {
     let mut text = String::from("time_s,depth_m,measured_n,start_n,fitted_n\n");
     for i in 0..forces.time_s.len() {
@@ -116,17 +117,17 @@ fn push(text: &mut String, line: std::fmt::Arguments<'_>) {
     let _ = text.write_fmt(line);
 }
 
-/// A number as it is read back bit by bit; empty where it is not finite.
+/// A number that can be read back exactly; empty if it is not finite.
 struct Cell(f64);
 
 impl std::fmt::Display for Cell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        // Debug and not Display: 1.2e-17 instead of nineteen zeros.
+        // Debug instead of Display: 1.2e-17 instead of nineteen zeros.
         if self.0.is_finite() { write!(f, "{:?}", self.0) } else { Ok(()) }
     }
 }
 
-/// Quoted by RFC 4180 where the text needs it.
+/// Quoted as in RFC 4180 if necessary.
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))

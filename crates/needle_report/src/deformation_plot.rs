@@ -1,16 +1,17 @@
-//! `deformation.svg`: the deformation coefficient of a needle with friction over depth, beside the source paper's.
+//! `deformation.svg`: the deformation coefficient of a needle with friction over depth, compared with the source
+//! paper's.
 
 use super::line_plot::{FRAME, HEIGHT, PENS, WIDTH};
 use super::picture::{Anchor, Picture, Type};
 use super::plot::{Axis, INK, Panel, label, legend};
 use needle_estimate::compare::Run;
 
-/// C_D that the source paper gives its kinematic needle.
+/// C_D of the kinematic needle in the source paper.
 const PAPER: f64 = 0.4;
-/// Points of the curve.
+/// Number of points of the curve.
 const POINTS: usize = 1000;
 
-/// `None` of a run that has no such needle.
+/// `None` for a run without such a needle.
 pub(super) fn deformation_plot(run: &Run) -> Option<Picture> {
     let deepest = run.coefficients.iter().map(|c| c[1]).fold(0.0, f64::max);
     let step = run.coefficients.len().div_ceil(POINTS).max(1);

@@ -1,7 +1,7 @@
-//! The run as the report's script takes it: JSON whose arrays are base64 of little-endian numbers.
+//! The run in the format of the report's script: JSON whose arrays are base64 of little-endian numbers.
 //!
-//! Bounded: curves are thinned, the field is kept in 16-bit steps at as many moments as fit, and a sample that is too
-//! large for a page is left out.
+//! The size is bounded: curves are thinned, the field is stored in 16-bit steps at as many times as fit, and a sample
+//! that is too large for a page is left out.
 
 use super::{
     ReportError,
@@ -20,7 +20,7 @@ use needle_estimate::compare::ensemble::Band;
 use needle_estimate::compare::{Answer, Pass, Run, Snapshot, TargetRow};
 use serde_json::{Value, json};
 
-/// Buckets of time of which the curves keep the extremes.
+/// Number of time buckets for which the curves keep the extremes.
 const BUCKETS: usize = 500;
 /// Bytes of the field before base64; the whole page stays under 5 MB with it.
 const FIELD_BYTES: usize = 2_400_000;
@@ -78,7 +78,7 @@ fn pack<T: Packed>(values: impl IntoIterator<Item = T>) -> Value {
     json!({ "type": T::TYPE, "base64": STANDARD.encode(bytes) })
 }
 
-/// 64-bit numbers as 32-bit ones; what is not finite becomes 0 and is masked or left out by the caller.
+/// 64-bit numbers as 32-bit ones. Numbers that are not finite become 0; the caller masks them or leaves them out.
 fn pack_f32(values: impl IntoIterator<Item = f64>) -> Value {
     pack(values.into_iter().map(|v| v as f32).map(|v| if v.is_finite() { v } else { 0.0 }))
 }
@@ -97,14 +97,15 @@ fn rows(answers: &[&Answer]) -> Value {
     })
 }
 
-/// Ways in and out among the answers that are drawn: each begins with the last answer of the one before, so that a curve has no gap.
+/// Insertions and retractions among the drawn answers. Each begins with the last answer of the one before, so that
+/// curves have no gap.
 fn passes(run: &Run, kept: &[usize]) -> Value {
     let at = |answer: usize| kept.partition_point(|&i| i < answer);
     let one = |pass: &Pass| json!({ "from": at(pass.range.start).saturating_sub(1), "to": at(pass.range.end), "back": pass.back, "number": pass.number });
     run.passes().iter().filter(|pass| at(pass.range.start) < at(pass.range.end)).map(one).collect()
 }
 
-/// Ends of the members' band at the answers that are drawn; null without members.
+/// Ends of the ensemble's band at the drawn answers; null without an ensemble.
 fn band(run: &Run, kept: &[usize]) -> Option<Value> {
     run.ensemble.as_ref()?;
     let all: Vec<_> = kept.iter().map(|&i| run.band(i)).collect();
@@ -120,7 +121,7 @@ fn bands(stretches: &[Stretch]) -> Value {
     stretches.iter().map(|s| json!({ "word": s.word, "from": s.from, "to": s.to })).collect()
 }
 
-/// Regions over the depth, with their pale colours as a style sheet takes them.
+/// Regions over the depth, with their pale colours in CSS format.
 fn depth_regions(run: &Run) -> Value {
     let colour = |[r, g, b]: [u8; 3]| format!("rgb({r},{g},{b})");
     let depths = run.regions_over_depth();
@@ -130,7 +131,7 @@ fn depth_regions(run: &Run) -> Value {
     stretches.collect()
 }
 
-/// Depth and time spent at the deepest point, where the run stays there.
+/// Depth and time at the deepest point, if the run holds there.
 fn hold(run: &Run) -> Option<Value> {
     run.hold().map(|(depth_m, duration_s)| json!({ "depth": depth_m, "duration": duration_s }))
 }
@@ -145,7 +146,7 @@ fn events(run: &Run) -> Value {
     run.answers.iter().filter_map(event).collect()
 }
 
-/// Median time between poses: what an answer may take if the twin is to keep up.
+/// Median time between poses: the time limit of an answer for real-time operation.
 fn period_ms(run: &Run) -> Option<f64> {
     let mut gaps: Vec<f64> = run.answers.windows(2).map(|w| 1e3 * (w[1].time_s - w[0].time_s)).collect();
     gaps.retain(|g| g.is_finite() && *g > 0.0);
@@ -169,7 +170,7 @@ fn targets(run: &Run) -> Option<Value> {
     })
 }
 
-/// The sample for the 3D view; nothing without a mesh, or with one that is too large for a page.
+/// The sample for the 3D view; `None` without a mesh, or if it is too large for a page.
 fn view(run: &Run) -> Result<Option<Value>, ReportError> {
     let state = &run.final_state;
     let points = state.points.len();
@@ -231,7 +232,7 @@ fn fits(field: &'static str, found: usize, expected: usize) -> Result<(), Report
     if found == expected { Ok(()) } else { Err(ReportError::Length { file: FILE, field, found, expected }) }
 }
 
-/// At most `most` of the items, evenly spread, with the first and the last.
+/// At most `most` of the items, evenly spaced, including the first and the last.
 fn evenly<'a, T>(items: &[&'a T], most: usize) -> Vec<&'a T> {
     let (n, most) = (items.len(), most.min(items.len()));
     if most < 2 {
@@ -240,7 +241,7 @@ fn evenly<'a, T>(items: &[&'a T], most: usize) -> Vec<&'a T> {
     (0..most).map(|k| items[k * (n - 1) / (most - 1)]).collect()
 }
 
-/// Region of each triangle, with names and colours; nothing where the scene has none.
+/// Region of each triangle, with names and colours; nothing if the scene has no regions.
 fn region_of_triangles(view: &mut Value, section: &Section, run: &Run) {
     let region = &run.final_state.region;
     if region.is_empty() {
@@ -253,7 +254,7 @@ fn region_of_triangles(view: &mut Value, section: &Section, run: &Run) {
     view["regions"] = named.collect();
 }
 
-/// Displacement in steps of `displacement_unit`, moment by moment.
+/// Displacement in steps of `displacement_unit`, for each time.
 fn displacement(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
     let values = || shown.iter().flat_map(|s| section.nodes.iter().map(|&i| s.displacement[i as usize]));
     let largest = values().flatten().map(f64::abs).fold(0.0, f64::max);
@@ -264,7 +265,7 @@ fn displacement(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
     view["displacement"] = pack(values().flatten().map(|c| (c / unit).round() as i16));
 }
 
-/// Volume ratio in steps of `jacobian_unit` above `jacobian_low`; left out where a moment doesn't have it.
+/// Volume ratio in steps of `jacobian_unit` above `jacobian_low`; left out if it is missing at any time.
 fn jacobian(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
     if shown.iter().any(|s| s.jacobian.is_empty()) {
         return;
@@ -274,7 +275,7 @@ fn jacobian(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
     let unit = if high > low { (high - low) / (2.0 * STEPS) } else { 1.0 };
     let mut spans: Vec<f64> = values().map(|j| (j - 1.0).abs()).collect();
     spans.sort_unstable_by(f64::total_cmp);
-    // A few crushed cells at the tip would leave the rest of the sample one colour.
+    // Some crushed cells at the tip must not determine the colour scale of the whole sample.
     let span = spans.get(spans.len() * 199 / 200).copied().unwrap_or(0.0).max(1e-4);
     view["jacobian_low"] = json!(low);
     view["jacobian_unit"] = json!(unit);
@@ -282,8 +283,8 @@ fn jacobian(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
     view["jacobian"] = pack(values().map(|j| ((j - low) / unit).round() as u16));
 }
 
-/// Strain and von Mises stress in 255 steps from 0 to what all but the last two per cent of the points are under: beside the
-/// needle, where points are dense, a few are strained without bound.
+/// Strain and von Mises stress in 255 steps from 0 to the value that all but two per cent of the points stay below.
+/// At the needle, where points are dense, the strain of a few is unbounded.
 fn strains(view: &mut Value, section: &Section, shown: &[&Snapshot], run: &Run) {
     let state = &run.final_state;
     let strains = Strains::new(&state.points, &state.cells, &state.region, moduli_pa(&run.scene_toml).as_deref());

@@ -2,16 +2,16 @@
 
 use std::{io, path::PathBuf};
 
-/// Why a report can't be written: which file, what, and what to do.
+/// Why a report can't be written: the file, the reason, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
-    /// The output folder can't be made.
+    /// The output folder can't be created.
     #[error("output folder {}: can't be made ({source}); give another folder with --out", .path.display())]
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// A file can't be written.
@@ -19,15 +19,15 @@ pub enum ReportError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
-    /// A field of the run doesn't fit its mesh.
+    /// A field of the run doesn't match its mesh.
     #[error(
         "{file}: {field} has {found} values for {expected} points; the run was put together wrongly, please report it"
     )]
     Length {
-        /// File that was being made.
+        /// The file being written.
         file: &'static str,
         /// Field of the run.
         field: &'static str,
@@ -36,17 +36,17 @@ pub enum ReportError {
         /// Values expected.
         expected: usize,
     },
-    /// An index of the mesh points nowhere.
+    /// An index of the mesh is out of range.
     #[error("{file}: a cell refers to point {index} of {points}; the run was put together wrongly, please report it")]
     Index {
-        /// File that was being made.
+        /// The file being written.
         file: &'static str,
         /// Index found.
         index: u32,
         /// Number of points.
         points: usize,
     },
-    /// The program has no raster pictures.
+    /// The program was built without raster images.
     #[error("{}: this program was built without the feature plots and draws no PNG; give a name that ends in .svg", .path.display())]
     NoPng {
         /// The file.
@@ -55,9 +55,9 @@ pub enum ReportError {
     /// A picture can't be drawn.
     #[error("{file}: can't be drawn ({reason}); please report it")]
     Picture {
-        /// File that was being made.
+        /// The file being written.
         file: &'static str,
-        /// What failed.
+        /// The reason.
         reason: String,
     },
 }

@@ -1,4 +1,4 @@
-//! Writing a set of files so that no half-written one is ever seen under its own name.
+//! Writes a set of files such that no incomplete file ever exists under its own name.
 
 use super::ReportError;
 use std::{
@@ -8,7 +8,7 @@ use std::{
     process,
 };
 
-/// A file that is ready to be written: its path below the output folder, and its content.
+/// A file that is ready to be written: its path in the output folder, and its content.
 pub(super) struct Rendered {
     pub name: String,
     pub content: Vec<u8>,
@@ -20,7 +20,7 @@ impl Rendered {
     }
 }
 
-/// Makes the output folder and proves that files can be written in it. Worth calling before a long run.
+/// Creates the output folder and checks that files can be written in it. Worth calling before a long run.
 ///
 /// # Errors
 /// [`ReportError::Folder`] or [`ReportError::File`] naming the folder or file and the reason.
@@ -31,17 +31,18 @@ pub fn prepare(out: &Path) -> Result<(), ReportError> {
     written.map_err(|source| ReportError::File { path: out.join("metrics.json"), source })
 }
 
-/// Writes all files under temporary names beside their places, then renames them. If one can't be written, the
-/// temporary ones are removed and what lay there before is untouched.
+/// Writes all files under temporary names in the same folders, then renames them. If one can't be written, the
+/// temporary ones are removed, and existing files remain unchanged.
 ///
-/// The first file is the seal of the set: that of an earlier set goes before the others are replaced, and the new one comes
-/// last. So where it lies, the others are of the same run, whenever the process or the machine ended.
+/// The first file marks the set as complete. Its old version is removed before the others are replaced, and its new
+/// version is written last. So if it exists, the other files belong to the same run, even if the process or the
+/// machine failed.
 pub(super) fn write(out: &Path, files: &[Rendered]) -> Result<Vec<PathBuf>, ReportError> {
     let paths: Vec<PathBuf> = files.iter().map(|f| out.join(&f.name)).collect();
     let result = write_and_rename(files, &paths);
     if result.is_err() {
         for path in &paths {
-            // Best effort: the error that is reported is the one that got us here.
+            // Best effort: the error that is reported is the original one.
             let _ = fs::remove_file(temporary(path));
         }
     }
@@ -95,7 +96,7 @@ fn write_through(path: &Path, content: &[u8]) -> io::Result<()> {
     file.sync_data() // a full disk or a lost network folder shows up here, not after the rename
 }
 
-/// In the same folder, so that the rename never crosses a file system; the process keeps two runs apart.
+/// In the same folder, so that the rename stays within one file system; the process id separates concurrent runs.
 fn temporary(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!(".{name}.{}.partial", process::id()))

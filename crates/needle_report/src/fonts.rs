@@ -1,4 +1,4 @@
-//! How wide a text is. The font is compiled in, so the machine's fonts don't matter.
+//! Measures the width of texts. The font is compiled in, so the result does not depend on the machine's fonts.
 
 use super::picture::Type;
 use ab_glyph::{Font as _, FontRef, PxScale, ScaleFont as _};
@@ -6,7 +6,7 @@ use ab_glyph::{Font as _, FontRef, PxScale, ScaleFont as _};
 static REGULAR: &[u8] = include_bytes!("../../../assets/fonts/Inter-Regular-subset.otf");
 static SEMIBOLD: &[u8] = include_bytes!("../../../assets/fonts/Inter-SemiBold-subset.otf");
 
-/// The text, cut with an ellipsis if it is wider than `room` px.
+/// The text, truncated with an ellipsis if it is wider than `room` px.
 pub(super) fn fitted(text: &str, typ: Type, room: f64) -> String {
     let Ok(fonts) = Fonts::load() else { return text.to_owned() };
     let (mut width, mut cut) = (0.0_f32, 0);
@@ -15,7 +15,7 @@ pub(super) fn fitted(text: &str, typ: Type, room: f64) -> String {
             cut = at;
         }
         width += advance;
-        // one look at each character that fits: a name may be as long as it likes
+        // measures only the characters that fit: a name may be arbitrarily long
         if f64::from(width) > room {
             return format!("{}…", text[..cut].trim_end());
         }
@@ -28,7 +28,7 @@ pub(super) fn text_width(text: &str, size: f32, bold: bool) -> f64 {
     Fonts::load().map_or(0.0, |fonts| f64::from(fonts.width(text, size, bold)))
 }
 
-/// The two faces.
+/// The two font faces.
 pub(super) struct Fonts {
     regular: FontRef<'static>,
     semibold: FontRef<'static>,
@@ -53,7 +53,7 @@ impl Fonts {
         self.advances(text, size, bold).map(|(_, advance)| advance).sum()
     }
 
-    /// Where each character begins, in bytes, and its width, px.
+    /// Byte offset of each character, and its width, px.
     fn advances<'a>(&'a self, text: &'a str, size: f32, bold: bool) -> impl Iterator<Item = (usize, f32)> + 'a {
         let face = self.face(bold).as_scaled(self.scale(size, bold));
         text.char_indices().map(move |(at, c)| (at, face.h_advance(face.glyph_id(c))))
@@ -66,7 +66,7 @@ mod tests {
     use crate::picture::Anchor;
     use crate::plot::{INK, label};
 
-    /// The time to cut grows with what is shown and not with what is cut: the squared number of these would take days.
+    /// The time to truncate must grow with the visible part only: quadratic time for this text would be days.
     #[test]
     fn a_name_may_be_as_long_as_it_likes() {
         let typ = Type { colour: INK, ..label(Anchor::Start) };

@@ -1,4 +1,4 @@
-//! `force.png` and `force.svg`: predicted and measured force over depth, residual below.
+//! `force.png` and `force.svg`: predicted and measured force over depth, with the residual below.
 
 use super::{
     fonts::{fitted, text_width},
@@ -18,7 +18,7 @@ const HEIGHT: u32 = 692;
 /// Left, right edge of the panels, px.
 const SIDES: [f64; 2] = [84.0, 932.0];
 
-/// Way in and way out of the first insertion, then of the others in turn.
+/// Insertion and retraction of the first pass, then of the others.
 const MEASURED: [[Pen; 2]; 2] = [
     [Pen::new(INK, 1.5), Pen::new(Colour(0xa3, 0xab, 0xb6, 1.0), 1.5)],
     [Pen::new(Colour(0x8a, 0x5a, 0x2b, 1.0), 1.5), Pen::new(Colour(0xcd, 0xaf, 0x8c, 1.0), 1.5)],
@@ -30,26 +30,26 @@ const PREDICTED: [[Pen; 2]; 2] = [
         Pen::new(Colour(0x6f, 0xb8, 0x8f, 1.0), 2.4).dashed([3.0, 3.0]),
     ],
 ];
-/// Between the ends of the members' band.
+/// Fill between the ends of the ensemble's band.
 const FAN: Colour = Colour(0x0b, 0x62, 0xc4, 0.2);
 const RESIDUAL: [[Pen; 2]; 2] = [
     [Pen::new(VERMILION, 1.5), Pen::new(Colour(0xea, 0xa2, 0x77, 1.0), 1.5)],
     [Pen::new(Colour(0x8b, 0x3f, 0xa8, 1.0), 1.5), Pen::new(Colour(0xc5, 0x9c, 0xd3, 1.0), 1.5)],
 ];
 
-/// The pen of a way.
+/// The pen of a pass.
 const fn pen(of: &[[Pen; 2]; 2], pass: &Pass) -> Pen {
     of[if pass.number == 0 { 0 } else { 1 }][pass.back as usize]
 }
 
-/// The picture of a run.
+/// The plot of a run.
 pub(super) fn force_plot(run: &Run) -> Picture {
     let mut picture = Picture::new(WIDTH, HEIGHT);
     heading(&mut picture, run);
     let kept = thin(run, 500);
     let answers: Vec<&Answer> = kept.iter().map(|&i| &run.answers[i]).collect();
     let at = |answer: usize| kept.partition_point(|&i| i < answer);
-    // the last answer before a turn begins the next way, so that the curve has no gap
+    // a pass starts with the last answer before the turn, so that the curve has no gap
     let range = |pass: &Pass| at(pass.range.start).saturating_sub(1)..at(pass.range.end);
     let ways: Vec<(Pass, Range<usize>)> = run.passes().into_iter().map(|pass| (pass.clone(), range(&pass))).collect();
     let measured = answers.iter().any(|a| a.residual_n().is_some());
@@ -103,7 +103,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let passes: Vec<Pass> = ways.into_iter().map(|(pass, _)| pass).collect();
     let entries = entries(&passes, measured, run.ensemble.is_some());
     let entries: Vec<(&str, Pen)> = entries.iter().map(|(text, pen)| (text.as_str(), *pen)).collect();
-    // several insertions take a row each of predicted and measured
+    // with several insertions, predicted and measured curves have a row each
     let row = if entries.len() > 5 { entries.len().div_ceil(2) } else { entries.len() };
     for (entries, y) in entries.chunks(row.max(1)).zip([114.0, 130.0]) {
         legend(&mut picture, [SIDES[0], y], entries);
@@ -111,8 +111,8 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     picture
 }
 
-/// Value pairs of a leg that have both numbers. Where answers lack the number, as with a load cell slower than the
-/// poses, the line bridges a short gap; a long one (2% of the leg's time) breaks it.
+/// Value pairs of a leg in which both numbers exist. If answers lack the number, as with a load cell slower than the
+/// poses, the line bridges a short gap. A long gap (2% of the leg's time) interrupts it.
 fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> Vec<[f64; 2]> {
     let long = leg.last().map_or(0.0, |last| 0.02 * (last.time_s - leg[0].time_s));
     let mut points = Vec::with_capacity(leg.len());
@@ -131,7 +131,7 @@ fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> 
     points
 }
 
-/// Tints what lies between the band's ends over a leg.
+/// Fills the area between the band's ends over a leg.
 fn fan(picture: &mut Picture, panel: &Panel, run: &Run, leg: &[usize], factor: f64) {
     let ends = leg.iter().filter_map(|&i| Some((1e3 * run.answers[i].depth_m, run.band(i)?)));
     let ends: Vec<_> = ends.map(|(x, band)| [band.low_n, band.high_n].map(|f| panel.at(x, factor * f))).collect();
@@ -147,14 +147,14 @@ fn entries(passes: &[Pass], measured: bool, members: bool) -> Vec<(String, Pen)>
     }
     for (what, pens) in [("predicted", &PREDICTED), ("measured", &MEASURED)].into_iter().take(1 + usize::from(measured))
     {
-        // all after the first insertion share their pens
+        // all passes after the first insertion share their pens
         let shown = passes.iter().filter(|pass| pass.number < 2);
         entries.extend(shown.map(|pass| (format!("{what}, {}", way(pass, passes)), pen(pens, pass))));
     }
     entries
 }
 
-/// What a way is called.
+/// Name of a pass.
 pub(super) fn way(pass: &Pass, passes: &[Pass]) -> String {
     let word = if pass.back { "retraction" } else { "insertion" };
     let most = passes.iter().map(|pass| pass.number).max().unwrap_or(0);
@@ -197,7 +197,7 @@ fn heading(picture: &mut Picture, run: &Run) {
     }
 }
 
-/// Which run it is: command, and the checksum that `metrics.json` has.
+/// Identification of the run: command, and the checksum in `metrics.json`.
 fn identity(run: &Run) -> String {
     let short: String = run.checksum.chars().take(12).collect();
     [run.command.as_str(), short.as_str()]
@@ -207,13 +207,13 @@ fn identity(run: &Run) -> String {
         .join(", run ")
 }
 
-/// A text in two lines if it is wider than `room` px, at the last space that leaves the first within it.
+/// A text in two lines if it is wider than `room` px, split at the last space for which the first line fits.
 fn broken(text: &str, typ: Type, room: f64) -> (&str, &str) {
     let fits = |at: &usize| text_width(&text[..*at], typ.size, typ.bold) <= room;
     if fits(&text.len()) {
         return (text, "");
     }
-    // names may be as long as they like: what is beyond two lines is cut anyway
+    // names may be arbitrarily long: beyond two lines they are truncated anyway
     let spaces = text.char_indices().take(400).filter(|(_, c)| *c == ' ').map(|(at, _)| at);
     match spaces.filter(fits).last() {
         Some(at) => (&text[..at], &text[at + 1..]),
@@ -221,7 +221,7 @@ fn broken(text: &str, typ: Type, room: f64) -> (&str, &str) {
     }
 }
 
-/// Ground of a phase's name.
+/// Background of a phase's name.
 fn tint(phase: &str) -> Colour {
     match phase {
         "indentation" => Colour(0xd9, 0xe7, 0xf8, 1.0),

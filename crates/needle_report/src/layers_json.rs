@@ -1,4 +1,4 @@
-//! `layers.json`: what a double insertion says of layers, for programs.
+//! `layers.json`: the layers estimated from a double insertion, for programs.
 
 use super::files::Rendered;
 use super::{ReportError, files};
@@ -6,7 +6,7 @@ use needle_estimate::layers::{Found, Known};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Content of `layers.json`, as `calibrate --layers --json` prints it. What can't be told is `null`.
+/// Content of `layers.json`, as `calibrate --layers --json` prints it. What is not determined is `null`.
 #[must_use]
 pub fn layers_json(found: &Found, source: &str) -> String {
     let known = |k: Option<Known>| -> Value {
@@ -38,7 +38,7 @@ pub fn layers_json(found: &Found, source: &str) -> String {
     text
 }
 
-/// Writes it into a folder, which is made if need be.
+/// Writes it into a folder, which is created if necessary.
 ///
 /// # Errors
 /// If it can't be written.

@@ -1,8 +1,8 @@
-//! What people look at: figures, curves, pictures and the deformed sample of one run.
+//! Reports of a run: figures, curves, plots and the deformed sample.
 //!
-//! [`write_all`] makes every file from one [`Run`]; each file has its own function as well. Everything is rendered
-//! before the first file is touched, and files appear under their names only when they are complete. Nothing here
-//! computes mechanics, and no file holds a number that is not finite.
+//! [`write_all`] writes all files of one [`Run`]; each file has its own function as well. Everything is rendered
+//! before the first file is written, and files appear under their names only when they are complete. Nothing here
+//! computes mechanics, and no file contains a number that is not finite.
 #![forbid(unsafe_code)]
 
 mod batch_page;
@@ -74,12 +74,14 @@ use std::path::{Path, PathBuf};
 #[cfg(feature = "plots")]
 const PNG_SCALE: f32 = 2.0;
 
-/// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
-/// force `forecast.csv`, `keys.csv` and `reliability.svg`, with friction `deformation.csv` and `.svg`, into a folder, which is made if need be, and
-/// returns their paths.
+/// Writes the files of a run into a folder, which is created if necessary, and returns their paths:
+///
+/// - `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`;
+/// - with an ensemble and a measured force `forecast.csv`, `keys.csv` and `reliability.svg`;
+/// - with friction `deformation.csv` and `.svg`.
 ///
 /// # Errors
-/// [`ReportError`] naming the file and the reason; then no file has been replaced by a half-written one.
+/// [`ReportError`] naming the file and the reason. No file has then been replaced by an incomplete one.
 pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
     let mut rendered = vec![
         Rendered::new("metrics.json", metrics_json(run)),
@@ -99,20 +101,20 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
     for (name, text) in forecasts {
         match text {
             Some(text) => rendered.push(Rendered::new(name, text)),
-            // that of an earlier run is not that of the files beside it
+            // a file of an earlier run does not belong to the new files
             None => files::remove_file(&out.join(name))?,
         }
     }
     files::write(out, &rendered)
 }
 
-/// Content of `force.svg`: predicted and measured force over depth, residual below.
+/// Content of `force.svg`: predicted and measured force over depth, with the residual below.
 #[must_use]
 pub fn force_svg(run: &Run) -> String {
     force_plot::force_plot(run).to_svg()
 }
 
-/// Content of `force.png`: the same picture as [`force_svg`], 1920 pixels wide.
+/// Content of `force.png`: the same plot as [`force_svg`], 1920 pixels wide.
 ///
 /// # Errors
 /// [`ReportError::Picture`] if it can't be drawn.
@@ -121,8 +123,9 @@ pub fn force_png(run: &Run) -> Result<Vec<u8>, ReportError> {
     force_plot::force_plot(run).to_png("force.png", PNG_SCALE)
 }
 
-/// Draws the rows of a study of accuracy and returns the files' paths: for each scene `accuracy_SCENE.svg` and `.png`, error
-/// against cost, with all of them in `accuracy.html`; and of the rows at rest `at_rest_SCENE.svg` and `.png`.
+/// Plots the rows of an accuracy study and returns the files' paths. For each scene: `accuracy_SCENE.svg` and `.png`,
+/// error against cost; and for the runs to equilibrium `at_rest_SCENE.svg` and `.png`. For all scenes:
+/// `accuracy.html`.
 ///
 /// # Errors
 /// As [`write_all`].
@@ -154,7 +157,7 @@ fn push_picture(rendered: &mut Vec<Rendered>, name: &str, picture: &picture::Pic
     Ok(())
 }
 
-/// Writes a picture of a scene's body, cut along its instrument, as SVG or, if the path ends in `.png`, as PNG.
+/// Writes a section of a scene's body along its instrument, as PNG if the path ends in `.png`, and otherwise as SVG.
 ///
 /// # Errors
 /// As [`write_all`].
@@ -169,7 +172,7 @@ pub fn write_section(path: &Path, scene: &Scene, body: &Body) -> Result<(), Repo
     }
 }
 
-/// Writes one file so that no half-written one is ever seen under its name.
+/// Writes one file such that no incomplete file ever exists under its name.
 ///
 /// # Errors
 /// [`ReportError`] naming the file and the reason.
@@ -203,9 +206,10 @@ pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBu
     files::write(out, &rendered)
 }
 
-/// Writes `calibration.json`, `calibration.csv`, `calibration.svg` and `.png`, and the scene with the values found,
-/// `scene.toml`; returns their paths. `source` says what was measured, `json` is that of [`calibration_json`]. Without a scene,
-/// that of an earlier calibration is removed: it isn't that of the files beside it.
+/// Writes `calibration.json`, `calibration.csv`, `calibration.svg` and `.png`, and the scene with the identified
+/// values, `scene.toml`. Returns their paths. `source` is the source of the measurement, and `json` is the result of
+/// [`calibration_json`]. Without a scene, the `scene.toml` of an earlier calibration is removed, since it does not
+/// belong to the new files.
 ///
 /// # Errors
 /// As [`write_all`].

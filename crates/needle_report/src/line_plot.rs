@@ -1,4 +1,4 @@
-//! Plain line charts over time, for readers of the page whose browser runs no scripts.
+//! Simple line charts over time, for readers whose browser does not run scripts.
 
 use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
@@ -11,7 +11,7 @@ use needle_estimate::compare::{Answer, Run};
 pub(super) const WIDTH: u32 = 960;
 pub(super) const HEIGHT: u32 = 320;
 pub(super) const FRAME: [f64; 4] = [84.0, 70.0, 932.0, 262.0];
-/// Pens that differ by more than colour.
+/// Pens that differ in more than colour.
 pub(super) const PENS: [Pen; 6] = [
     Pen::new(BLUE, 2.0),
     Pen::new(VERMILION, 2.0).dashed([8.0, 4.0]),
@@ -63,7 +63,7 @@ pub(super) fn cost(run: &Run) -> String {
     chart("Explicit steps per pose", &[("steps", PENS[0], column(run, |a| Some(f64::from(a.steps))))])
 }
 
-/// How far each target has gone from where it was at first.
+/// Distance of each target from its first position.
 pub(super) fn targets(run: &Run) -> String {
     let step = run.targets.len().div_ceil(500).max(1);
     let of = |k: usize| -> Vec<[f64; 2]> {

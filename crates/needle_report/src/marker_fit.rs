@@ -1,4 +1,4 @@
-//! What a calibration from tracked points found, for programs: `calibration.json`, `markers.csv`, `scene.toml`.
+//! The result of a calibration from tracked points, for programs: `calibration.json`, `markers.csv`, `scene.toml`.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::ReportError;
 use super::files::{self, Rendered};
 use needle_estimate::calibrate::{MarkerFit, MarkerResidual};
 
-/// Content of `calibration.json`, with the residual map.
+/// Content of `calibration.json`, with the residuals of the markers.
 #[must_use]
 pub fn marker_fit_json(fit: &MarkerFit, source: &str) -> String {
     let estimates = fit

@@ -11,8 +11,8 @@ use serde_json::{Map, Value, json};
 
 /// Content of `metrics.json`: counts, force, timing, stability, checksum. Keys are only ever added.
 ///
-/// A figure that can't be said is `null`, and `null_because` says why, by its dotted key; a number that is not
-/// finite is never written.
+/// A figure that is not available is `null`, and `null_because` states the reason under its dotted key. A number that
+/// is not finite is never written.
 #[must_use]
 pub fn metrics_json(run: &Run) -> String {
     let mut nulls = Nulls { run, because: Map::new() };
@@ -49,7 +49,7 @@ pub fn metrics_json(run: &Run) -> String {
     text
 }
 
-/// Turns figures into JSON and notes why one is null.
+/// Converts figures to JSON and records the reason of each null.
 struct Nulls<'a> {
     run: &'a Run,
     because: Map<String, Value>,
@@ -139,7 +139,7 @@ impl Nulls<'_> {
     }
 }
 
-/// What happened to the tissue: kind, where, and the predicted force before and after it.
+/// Events in the tissue: kind, location, and the predicted force before and after.
 fn events(run: &Run) -> Value {
     let finite = |x: f64| Some(x).filter(|x| x.is_finite());
     let event = |e: &Occurrence| {
@@ -155,7 +155,7 @@ fn events(run: &Run) -> Value {
     run.events.iter().map(event).collect()
 }
 
-/// Membranes that broke, from the measured force alone.
+/// Ruptures of membranes, detected from the measured force alone.
 fn measured_events(run: &Run) -> Value {
     let event = |c: &Crossing| {
         json!({
@@ -170,7 +170,7 @@ fn measured_events(run: &Run) -> Value {
     crossing::in_run(run).iter().map(event).collect()
 }
 
-/// What members say; only of runs that have some.
+/// Results of the ensemble, for runs that have one.
 fn ensemble_json(run: &Run, ensemble: &Ensemble) -> Value {
     let finite = |x: Option<f64>| x.filter(|x| x.is_finite());
     let key = |one: &Uncertain| {
@@ -201,7 +201,7 @@ fn ensemble_json(run: &Run, ensemble: &Ensemble) -> Value {
     })
 }
 
-/// What the measured force says of the keys, and how its forecasts held; null without a measured force.
+/// Result of the data assimilation for the keys, and the quality of its forecasts; null without a measured force.
 fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
     let Some((answers, found)) = &ensemble.assimilated else { return Value::Null };
     let finite = |x: f64| Some(x).filter(|x| x.is_finite());
@@ -225,7 +225,7 @@ fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
     })
 }
 
-/// The verdict as `metrics.json` and `calibration.json` have it.
+/// The verdict in the format of `metrics.json` and `calibration.json`.
 pub(super) fn verdict_json(verdict: &Verdict) -> Value {
     let finite = |x: Option<f64>| x.filter(|x| x.is_finite());
     let shares: Vec<f64> = verdict.share_over_depth.iter().copied().filter(|s| s.is_finite()).collect();
@@ -239,7 +239,7 @@ pub(super) fn verdict_json(verdict: &Verdict) -> Value {
     })
 }
 
-/// How the recording lies to the model, null where that can't be said.
+/// Alignment of the recording with the model; null if it is not available.
 pub(super) fn alignment_json(alignment: Option<&Alignment>) -> Value {
     let mut entries = Map::new();
     let mut add = |name: &str, found: Option<Found>| {

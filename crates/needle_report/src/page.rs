@@ -1,6 +1,6 @@
-//! `report.html`: the run on one page that needs nothing else.
+//! `report.html`: the run on one self-contained page.
 //!
-//! Text, figures and tables stand in the page itself; its script draws the curves and the deformed sample.
+//! Text, figures and tables are in the page itself; its script draws the curves and the deformed sample.
 
 use super::{ReportError, embed, force_plot::way, line_plot, settings::settings_html, strain, svg::escaped, tables};
 use needle_estimate::compare::{Pass, Run};
@@ -28,7 +28,7 @@ const SCRIPTS: [&str; 5] = [
 pub fn report_html(run: &Run) -> Result<String, ReportError> {
     let data = embed::data(run)?;
     let drawn = !data["view"].is_null();
-    // A JSON text may hold "</script>" in a name; "<" is the same to JSON when escaped.
+    // A name in the JSON may contain "</script>"; an escaped "<" is equivalent in JSON.
     let data = data.to_string().replace('<', "\\u003c");
     let title = format!("{}: {}", run.scene, if run.command.is_empty() { "run" } else { &run.command });
     let parts = [
@@ -41,7 +41,8 @@ pub fn report_html(run: &Run) -> Result<String, ReportError> {
     Ok(filled(PAGE, &parts))
 }
 
-/// The template with each placeholder replaced once, in order, so that no content is taken for a placeholder.
+/// The template with each placeholder replaced once, in order, so that inserted content is never taken for a
+/// placeholder.
 pub(super) fn filled(template: &str, parts: &[(&str, String)]) -> String {
     let mut page = String::new();
     let mut rest = template;
@@ -113,7 +114,7 @@ fn body(run: &Run, drawn: bool) -> String {
     html
 }
 
-/// A picture for browsers that run no scripts.
+/// A picture for browsers that do not run scripts.
 fn without_scripts(picture: String) -> String {
     format!("<noscript>{picture}</noscript>")
 }
@@ -143,7 +144,7 @@ fn chart(html: &mut String, id: &str, heading: &str, about: &str, legend: &str, 
     );
 }
 
-/// Names of the curves; with several ways, those of each.
+/// Names of the curves; with several passes, those of each.
 fn legend(measured: bool, passes: &[Pass], members: bool) -> String {
     let entry = |colour: &str, class: &str, text: &str| {
         format!("<li><i class=\"{class}\" style=\"border-color:var(--{colour})\"></i>{text}</li>")
@@ -152,7 +153,7 @@ fn legend(measured: bool, passes: &[Pass], members: bool) -> String {
     if members {
         items.push(entry("accent", "fan", "95 % of members"));
     }
-    // way in and way out of the first insertion, then of the others
+    // insertion and retraction of the first pass, then of the others
     let of = [
         ("predicted", ["accent", "accent-2", "again", "again-2"]),
         ("measured", ["measured", "measured-2", "measured-again", "measured-again-2"]),

@@ -1,8 +1,8 @@
-//! Stretches of one phase, over time and over depth.
+//! Intervals of one phase, over time and over depth.
 
 use needle_estimate::compare::{Answer, Run};
 
-/// A stretch of one phase on an axis.
+/// An interval of one phase on an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stretch {
     pub word: &'static str,
@@ -15,11 +15,11 @@ pub(super) fn over_time(run: &Run) -> Vec<Stretch> {
     stretches(&run.answers, |a| a.time_s)
 }
 
-/// Phases over the depth of the insertion, m. The way back covers the same depths again and has no place here.
+/// Phases over the depth of the insertion, m. The retraction is not shown, since it covers the same depths again.
 pub(super) fn over_depth(run: &Run) -> Vec<Stretch> {
     let mut deepest = f64::NEG_INFINITY;
     let insertion = run.answers[..run.legs().hold].iter().filter(|a| {
-        // A sensor's noise goes back and forth; a stretch must not.
+        // The noise of a sensor must not produce extra intervals.
         let advances = a.depth_m > deepest;
         deepest = deepest.max(a.depth_m);
         advances

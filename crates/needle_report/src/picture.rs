@@ -1,10 +1,10 @@
-//! A picture as a list of marks, which [`super::svg`] writes and [`super::raster`] draws.
+//! A picture as a list of marks. [`super::svg`] writes it, and [`super::raster`] draws it.
 
 /// Red, green, blue and opacity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Colour(pub u8, pub u8, pub u8, pub f32);
 
-/// How a line is drawn, px.
+/// Style of a line, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pen {
     pub colour: Colour,
@@ -23,7 +23,7 @@ impl Pen {
     }
 }
 
-/// Which point of a text lies at its position. Vertically it is always the baseline.
+/// Horizontal anchor of a text. Vertically it is always the baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Anchor {
     Start,
@@ -31,7 +31,7 @@ pub(super) enum Anchor {
     End,
 }
 
-/// How a text is set, px.
+/// Style of a text, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Type {
     pub size: f32,
@@ -40,14 +40,14 @@ pub(super) struct Type {
     pub anchor: Anchor,
 }
 
-/// One thing that is drawn.
+/// A drawn element.
 pub(super) enum Mark {
     Line { points: Vec<[f64; 2]>, pen: Pen },
     Area { points: Vec<[f64; 2]>, colour: Colour },
     Text { at: [f64; 2], text: String, typ: Type },
 }
 
-/// A picture of a size in px, origin at the top left, white ground.
+/// A picture with a size in px, origin at the top left, white background.
 pub(super) struct Picture {
     pub width: u32,
     pub height: u32,
@@ -59,7 +59,7 @@ impl Picture {
         Self { width, height, marks: Vec::new() }
     }
 
-    /// A line through the points; broken where a point is not finite.
+    /// A line through the points; interrupted where a point is not finite.
     pub fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
         let mut run = Vec::new();
         for point in points {

@@ -1,14 +1,14 @@
-//! Places labels beside their points so that none covers another, or a point.
+//! Places labels next to their points such that none covers another label or a point.
 
 use super::fonts::text_width;
 
 /// A rectangle: left, top, right, bottom, px.
 pub(super) type Box4 = [f64; 4];
 
-/// A label that found a place.
+/// A label that was placed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Placed {
-    /// Which of the labels it is.
+    /// Index of the label.
     pub index: usize,
     /// Left end of the baseline.
     pub at: [f64; 2],
@@ -16,11 +16,11 @@ pub(super) struct Placed {
     pub outline: Box4,
 }
 
-/// Clear distance round a label, px.
+/// Clear distance around a label, px.
 const CLEAR: f64 = 2.0;
 /// Half of a point's width, px.
 const POINT: f64 = 6.0;
-/// Distances from the point that are tried, px, near first.
+/// Distances from the point that are tried, px, the smallest first.
 const DISTANCES: [f64; 7] = [9.0, 16.0, 26.0, 40.0, 58.0, 80.0, 110.0];
 /// Directions that are tried.
 const DIRECTIONS: [[f64; 2]; 12] = [
@@ -42,8 +42,8 @@ fn overlap(a: &Box4, b: &Box4) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
-/// Places labels (point, text) of a type size in order of their importance, within a frame, off all `points` and `taken`
-/// rectangles. A label for which there is no room is left out.
+/// Places labels (point, text) of a type size in order of importance, within a frame, clear of all `points` and of
+/// the `taken` rectangles. A label without room is left out.
 pub(super) fn place(
     labels: &[([f64; 2], String)],
     size: f32,
@@ -56,7 +56,7 @@ pub(super) fn place(
     for (index, ([x, y], text)) in labels.iter().enumerate() {
         let (width, height) = (text_width(text, size, false), ascent + descent);
         let candidate = |distance: f64, [dx, dy]: [f64; 2]| {
-            // the nearest edge or corner of the label lies in that direction
+            // the nearest edge or corner of the label is in that direction
             let centre = [x + dx * distance + 0.5 * width * dx.signum() * f64::from(dx != 0.0), y + dy * distance];
             let [left, top] = [centre[0] - 0.5 * width, centre[1] - 0.5 * height];
             ([left, top + ascent], [left - CLEAR, top - CLEAR, left + width + CLEAR, top + height + CLEAR])

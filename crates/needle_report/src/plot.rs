@@ -1,11 +1,11 @@
-//! Drawing helpers that every plot shares: colours, axes with round ticks, panels, legends.
+//! Drawing helpers for all plots: colours, axes with round ticks, panels, legends.
 
 use super::{
     fonts::text_width,
     picture::{Anchor, Colour, Pen, Picture, Type},
 };
 
-// Told apart by colour-blind eyes and in grey print: lightness differs as well as hue.
+// Distinguishable by colour-blind readers and in grey print: lightness differs as well as hue.
 pub(super) const INK: Colour = Colour(0x1c, 0x22, 0x2b, 1.0);
 pub(super) const MUTED: Colour = Colour(0x5b, 0x65, 0x73, 1.0);
 pub(super) const RULE: Colour = Colour(0xe3, 0xe7, 0xec, 1.0);
@@ -13,7 +13,7 @@ pub(super) const FRAME: Colour = Colour(0x9a, 0xa4, 0xb1, 1.0);
 pub(super) const BLUE: Colour = Colour(0x0b, 0x62, 0xc4, 1.0);
 pub(super) const VERMILION: Colour = Colour(0xc4, 0x47, 0x00, 1.0);
 
-/// Type of labels.
+/// Style of labels.
 pub(super) const fn label(anchor: Anchor) -> Type {
     Type { size: 13.0, bold: false, colour: MUTED, anchor }
 }
@@ -29,8 +29,9 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis that holds all finite values, wider by a part `margin` of their range at each end that is not zero,
-    /// with about `count` ticks of 1, 2 or 5 times a power of ten. Where the values are one or none it gets a width.
+    /// An axis that contains all finite values, extended by a part `margin` of their range at each end that is
+    /// not zero. It has about `count` ticks of 1, 2 or 5 times a power of ten. For a single value or none it gets a default
+    /// width.
     pub fn holding(values: impl IntoIterator<Item = f64>, count: usize, margin: f64) -> Self {
         let finite = values.into_iter().filter(|v| v.is_finite());
         let (mut min, mut max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
@@ -44,14 +45,14 @@ impl Axis {
         min -= if min == 0.0 { 0.0 } else { margin };
         max += if max == 0.0 { 0.0 } else { margin };
         let step = round_step((max - min) / count.max(1) as f64);
-        // The small allowance keeps 0.30000000000000004 from costing a whole tick.
+        // The tolerance prevents 0.30000000000000004 from removing a tick.
         let (first, last) = ((min / step - 1e-9).ceil(), (max / step + 1e-9).floor());
         let ticks = (0..=(last - first) as usize).map(|i| (first + i as f64) * step + 0.0).collect();
         Self { min, max, ticks, decimals: (-step.log10().floor()).clamp(0.0, 12.0) as usize }
     }
 
     fn tick_label(&self, tick: f64) -> String {
-        // A typographic minus is as wide as a figure.
+        // A typographic minus is as wide as a digit.
         format!("{tick:.*}", self.decimals).replace('-', "−")
     }
 
@@ -66,7 +67,7 @@ fn round_step(raw: f64) -> f64 {
     [1.0, 2.0, 5.0].into_iter().map(|m| m * power).find(|&s| s >= raw * (1.0 - 1e-9)).unwrap_or(10.0 * power)
 }
 
-/// Height of the strip that names what lies at a depth, px.
+/// Height of the strip with the names over the depth, px.
 const STRIP: f64 = 16.0;
 
 /// A plot area with its two axes.
@@ -78,13 +79,13 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// Place of a value pair in the picture.
+    /// Position of a value pair in the picture.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.frame;
         [left + self.x.fraction(x) * (right - left), bottom - self.y.fraction(y) * (bottom - top)]
     }
 
-    /// Rules and tick labels, those of x if `x_labels`.
+    /// Grid lines and tick labels; those of x only if `x_labels`.
     pub fn grid(&self, picture: &mut Picture, x_labels: bool) {
         let [left, top, right, bottom] = self.frame;
         for &tick in &self.y.ticks {
@@ -103,7 +104,7 @@ impl Panel {
         }
     }
 
-    /// Title of the vertical axis, `above` the panel's upper left corner.
+    /// Title of the vertical axis, at a height `above` the panel's upper left corner.
     pub fn title(&self, picture: &mut Picture, text: &str, above: f64) {
         let typ = Type { bold: true, colour: INK, ..label(Anchor::Start) };
         picture.text([self.frame[0], self.frame[1] - above], text, typ);
@@ -114,7 +115,7 @@ impl Panel {
         picture.line(points.into_iter().map(|[x, y]| self.at(x, y)), pen);
     }
 
-    /// A labelled vertical line, the label at its upper or lower end, on the side that has room.
+    /// A labelled vertical line, with the label at its upper or lower end, on the side that has room.
     pub fn event(&self, picture: &mut Picture, x: f64, text: &str, end: End) {
         let [_, top, right, bottom] = self.frame;
         let at = self.at(x, self.y.min)[0];
@@ -127,7 +128,7 @@ impl Panel {
         picture.text([x, y], text, label(anchor));
     }
 
-    /// Tints stretches of the panel, behind everything else.
+    /// Tints intervals of the panel, behind everything else.
     pub fn ground(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
         let [_, top, _, bottom] = self.frame;
         for (from, to, _, colour) in stretches {
@@ -136,7 +137,7 @@ impl Panel {
         }
     }
 
-    /// Named stretches along the lower edge, over the axis; names that don't fit are left out.
+    /// Named intervals along the lower edge, above the axis; names that don't fit are left out.
     pub fn strip(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
         let bottom = self.frame[3];
         for (from, to, word, colour) in stretches {
@@ -154,7 +155,7 @@ impl Panel {
         [from, to].map(|x| self.at(x, self.y.min)[0].clamp(left, right))
     }
 
-    /// A ribbon of named stretches along the panel's upper edge; names that don't fit are left out.
+    /// Named intervals along the panel's upper edge; names that don't fit are left out.
     pub fn ribbon(&self, picture: &mut Picture, stretches: impl IntoIterator<Item = (f64, f64, &'static str, Colour)>) {
         let [left, top, right, _] = self.frame;
         for (from, to, word, colour) in stretches {
@@ -174,7 +175,7 @@ pub(super) enum End {
     Lower,
 }
 
-/// A row of pens with their names, starting at `at`; stands outside the panels, so that it covers no data.
+/// A row of pens with their names, starting at `at`. It is outside the panels, so that it covers no data.
 pub(super) fn legend(picture: &mut Picture, [mut x, y]: [f64; 2], entries: &[(&str, Pen)]) {
     for (text, pen) in entries {
         picture.line([[x, y - 4.5], [x + 26.0, y - 4.5]], *pen);

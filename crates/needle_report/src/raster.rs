@@ -1,4 +1,4 @@
-//! A picture drawn into a PNG.
+//! Renders a picture to PNG.
 
 use super::{
     ReportError,
@@ -67,7 +67,7 @@ impl Fonts {
     }
 }
 
-/// Appends a glyph's contours: ab_glyph lists their curves one after another, without marking where one ends.
+/// Appends a glyph's contours. ab_glyph lists their curves one after another, without marking the end of a contour.
 fn trace(builder: &mut PathBuilder, curves: &[OutlineCurve], place: impl Fn(ab_glyph::Point) -> [f32; 2]) {
     let mut pen = None;
     for curve in curves {

@@ -1,9 +1,9 @@
-//! Regions in pictures: their colours, and the ground of what is drawn over the depth.
+//! Regions in plots: their colours, and backgrounds over the depth.
 
 use super::picture::Colour;
 use needle_estimate::compare::Depths;
 
-/// The sample's own material, then the regions in turn: told apart by colour-blind eyes (Okabe and Ito).
+/// The sample's own material, then the regions in turn; distinguishable by colour-blind readers (Okabe and Ito).
 const COLOURS: [[u8; 3]; 9] = [
     [216, 207, 194],
     [230, 159, 0],
@@ -24,13 +24,13 @@ pub fn colour(region: u8) -> [u8; 3] {
     }
 }
 
-/// The same, so pale that curves and names are read on it.
+/// The same in a pale tint on which curves and names are legible.
 fn tint(region: u8) -> Colour {
     let [r, g, b] = colour(region).map(|c| 255 - (255 - c) / 5 * 2);
     Colour(r, g, b, 1.0)
 }
 
-/// Stretches as a panel over millimetres takes them.
+/// Intervals in the format of a panel over millimetres.
 pub(super) fn ground(depths: &[Depths]) -> Vec<(f64, f64, String, Colour)> {
     depths.iter().map(|d| (1e3 * d.from, 1e3 * d.to, d.name.clone(), tint(d.region))).collect()
 }

@@ -1,4 +1,5 @@
-//! `reliability.svg`: how often readings lay below a share of what was forecast for them. Forecasts that say what they know give the diagonal.
+//! `reliability.svg`, the reliability diagram: share of the readings below each quantile of their forecasts.
+//! Calibrated forecasts give the diagonal.
 //!
 //! ```text
 //! y(p) = share of the readings with measured <= mean + z_p s        z_p: quantile of the normal distribution
@@ -18,10 +19,10 @@ const HEIGHT: u32 = 640;
 const FRAME: [f64; 4] = [84.0, 70.0, 592.0, 578.0];
 const EVEN: Pen = Pen::new(Colour(0x9a, 0xa4, 0xb1, 1.0), 1.8).dashed([6.0, 4.0]);
 const SEEN: Pen = Pen::new(BLUE, 2.2);
-/// Shares of the probability that are looked at, ends of the 95 % band among them.
+/// Number of evaluated probabilities, including the ends of the 95 % band.
 const PARTS: u32 = 40;
 
-/// How far readings were from their forecasts, in standard deviations.
+/// Deviations of the readings from their forecasts, in standard deviations.
 fn deviations(run: &Run) -> Option<Vec<f64>> {
     let (answers, found) = run.ensemble.as_ref()?.assimilated.as_ref()?;
     let deviation = |(i, forecast): (&usize, &Option<Forecast>)| {
@@ -32,7 +33,7 @@ fn deviations(run: &Run) -> Option<Vec<f64>> {
     (!all.is_empty()).then_some(all)
 }
 
-/// Shares of the probability, and of the readings below.
+/// Probabilities, and the shares of the readings below the quantiles.
 fn shares(deviations: &[f64]) -> Option<Vec<[f64; 2]>> {
     let normal = Normal::new(0.0, 1.0).ok()?;
     let below = |part: u32| {

@@ -1,4 +1,4 @@
-//! `at_rest_SCENE.png`: relative error of the force over depth, at rest, a line per discretisation.
+//! `at_rest_SCENE.png`: relative error of the force over depth in equilibrium, with a line per discretisation.
 
 use super::{
     cost_plot::against,
@@ -9,12 +9,12 @@ use needle_studies::accuracy::{Row, refined};
 
 const WIDTH: u32 = 960;
 const SIDES: [f64; 2] = [84.0, 932.0];
-/// Errors beyond this are off the picture, %.
+/// Larger errors are outside the plot, %.
 const WIDEST: f64 = 40.0;
 const LEGEND_TOP: f64 = 84.0;
 const LINE: f64 = 20.0;
 
-/// Colour by method; width and dash by cloud, the finest widest.
+/// Colour by method; width and dash by cloud, with the widest line for the finest.
 fn pen(row: &Row, rows: &[&Row]) -> Pen {
     let colour = match refined(&row.case).as_str() {
         "mmls" => BLUE,
@@ -32,7 +32,7 @@ fn pen(row: &Row, rows: &[&Row]) -> Pen {
     }
 }
 
-/// The picture of the rows of one scene.
+/// The plot of the rows of one scene.
 pub(super) fn rest_plot(scene: &str, rows: &[&Row]) -> Picture {
     let lines = rows.len().div_ceil(3);
     let top = LEGEND_TOP + LINE * lines as f64 + 34.0;

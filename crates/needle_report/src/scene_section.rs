@@ -1,4 +1,4 @@
-//! A scene cut open along its instrument: regions in colour, path, targets.
+//! A section of a scene along its instrument: coloured regions, path, targets.
 
 use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
@@ -14,7 +14,7 @@ const WIDTH: u32 = 960;
 const SIDES: [f64; 2] = [84.0, 720.0];
 const TOP: f64 = 84.0;
 
-/// The picture of a scene's body, cut by the plane in which the instrument moves; lengths in mm.
+/// The section of a scene's body by the plane in which the instrument moves; lengths in mm.
 pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
     let plane = Plane::of(scene.instrument.as_ref());
     let cloud = &body.cloud;
@@ -43,11 +43,11 @@ pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
             panel.at(x, z)
         });
         picture.area(corners, Colour(r, g, b, 1.0));
-        // the raster leaves hairlines between neighbours
+        // the rasteriser leaves hairlines between neighbouring triangles
         picture.line([corners[0], corners[1], corners[2], corners[0]], Pen::new(Colour(r, g, b, 1.0), 0.6));
     }
     tool(&mut picture, &panel, scene, body.top, &plane);
-    // neighbours' names stand above and below
+    // names of neighbouring targets alternate above and below
     for (target, below) in scene.targets.iter().zip([-7.0, 15.0].into_iter().cycle()) {
         let at = panel.at(1e3 * plane.along(&target.position), 1e3 * target.position[2]);
         picture.dot(at, 4.0, INK);
@@ -61,7 +61,7 @@ pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
     picture
 }
 
-/// Where the instrument goes.
+/// The path of the instrument.
 fn tool(picture: &mut Picture, panel: &Panel, scene: &Scene, top: f64, plane: &Plane) {
     let Some(instrument) = &scene.instrument else { return };
     let level = |[x, y]: [f64; 2]| plane.along(&[x, y, 0.0]);

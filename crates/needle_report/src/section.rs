@@ -1,7 +1,8 @@
-//! What the 3D view shows: the sample's surface, and half of it with the cut through the instrument's axis.
+//! Geometry of the 3D view: the sample's surface, and half of it with the section along the instrument's axis.
 //!
-//! The cut is made once, in the undeformed sample, by an upright plane: y = entry.y, or that which an oblique needle moves in. Its corners lie on edges of cells and
-//! follow the field between the two nodes, so the cut shows the same material points at every moment.
+//! The section is made once, in the undeformed sample, by a vertical plane: y = entry.y, or the plane in which an
+//! oblique needle moves. Its vertices lie on edges of cells and follow the interpolated displacement of the two
+//! nodes. So the section shows the same material points at all times.
 
 use std::collections::BTreeMap;
 
@@ -15,38 +16,38 @@ pub(super) struct OnEdge {
     pub t: f64,
 }
 
-/// Triangles over vertices: first the nodes of the mesh that are drawn, then the vertices on edges.
+/// Triangles over vertices: first the drawn nodes of the mesh, then the vertices on edges.
 #[derive(Debug, Default)]
 pub(super) struct Section {
     /// Mesh index of each drawn node.
     pub nodes: Vec<u32>,
     /// Vertices on edges, between drawn nodes (indices into `nodes`).
     pub on_edges: Vec<OnEdge>,
-    /// Whole surface.
+    /// The whole surface.
     pub surface: Vec<[u32; 3]>,
     /// Surface of the half behind the plane.
     pub half: Vec<[u32; 3]>,
-    /// The cut that closes the half, seen from before the plane.
+    /// The section that closes the half, seen from the front of the plane.
     pub cut: Vec<[u32; 3]>,
-    /// Cell that each triangle of `surface`, of `half` and of `cut` is of.
+    /// Cell of each triangle of `surface`, `half` and `cut`.
     pub cell: [Vec<u32>; 3],
 }
 
-/// An upright plane.
+/// A vertical plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plane {
-    /// A point of it, x and y.
+    /// x and y of a point in it.
     entry: [f64; 2],
-    /// Direction of it from the x axis about z, rad, in (-pi/2, pi/2].
+    /// Its direction from the x axis about z, rad, in (-pi/2, pi/2].
     pub azimuth: f64,
 }
 
 impl Plane {
-    /// That in which the instrument moves; across y where it moves upright, and without one.
+    /// The plane in which the instrument moves; y = constant if it moves vertically, or without an instrument.
     pub fn of(instrument: Option<&Instrument>) -> Self {
         let Some(instrument) = instrument else { return Self { entry: [0.0; 2], azimuth: 0.0 } };
         let [x, y] = instrument.slope();
-        // either way along it is the same plane
+        // opposite directions give the same plane
         let azimuth = if x == 0.0 && y == 0.0 {
             0.0
         } else if x < 0.0 {
@@ -57,13 +58,13 @@ impl Plane {
         Self { entry: instrument.entry.map(|m| m.get()), azimuth }
     }
 
-    /// How far a point is behind it.
+    /// Signed distance of a point behind it.
     fn behind(&self, p: &[f64; 3]) -> f64 {
         let (sin, cos) = self.azimuth.sin_cos();
         cos * (p[1] - self.entry[1]) - sin * (p[0] - self.entry[0])
     }
 
-    /// How far a point is along it: x, where the plane is across y.
+    /// Coordinate of a point along it: x for a plane y = constant.
     pub fn along(&self, p: &[f64; 3]) -> f64 {
         let (sin, cos) = self.azimuth.sin_cos();
         cos * p[0] + sin * p[1]
@@ -74,7 +75,7 @@ impl Section {
     /// Cuts a mesh by a plane.
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], surface: &[[u32; 3]], plane: &Plane) -> Self {
         let span = points.iter().map(|p| plane.behind(p).abs()).fold(0.0, f64::max);
-        // Nodes as good as on the plane count as on it: else the cut has slivers.
+        // Nodes within rounding of the plane count as on it; otherwise the section would have slivers.
         let height = |i: u32| Some(plane.behind(&points[i as usize])).filter(|h| h.abs() >= 1e-9 * span).unwrap_or(0.0);
         let mut cutter = Cutter { height, section: Self::default(), drawn: BTreeMap::new(), corners: BTreeMap::new() };
         let of_face = faces(cells, surface);
@@ -114,7 +115,7 @@ fn faces(cells: &[[u32; 4]], surface: &[[u32; 3]]) -> BTreeMap<[u32; 3], Option<
     of
 }
 
-/// Marks an index as that of a vertex on an edge, until all drawn nodes are counted.
+/// Marks the index of a vertex on an edge until all drawn nodes are counted.
 const ON_EDGE: u32 = 1 << 31;
 
 struct Cutter<H> {
@@ -125,7 +126,7 @@ struct Cutter<H> {
 }
 
 impl<H: Fn(u32) -> f64> Cutter<H> {
-    /// Index of a mesh node among the drawn ones.
+    /// Index of a mesh node among the drawn nodes.
     fn node(&mut self, i: u32) -> u32 {
         let nodes = &mut self.section.nodes;
         *self.drawn.entry(i).or_insert_with(|| {
@@ -134,7 +135,7 @@ impl<H: Fn(u32) -> f64> Cutter<H> {
         })
     }
 
-    /// Where the edge between two mesh nodes on opposite sides meets the plane.
+    /// Intersection of the plane with the edge between two mesh nodes on opposite sides.
     fn crossing(&mut self, i: u32, j: u32) -> u32 {
         let (i, j) = (i.min(j), i.max(j));
         let (hi, hj) = ((self.height)(i), (self.height)(j));
@@ -149,7 +150,7 @@ impl<H: Fn(u32) -> f64> Cutter<H> {
         })
     }
 
-    /// The part of a surface triangle with y >= entry.y.
+    /// The part of a surface triangle behind the plane.
     fn clip(&mut self, triangle: [u32; 3]) {
         let mut polygon = Vec::with_capacity(4);
         for k in 0..3 {
@@ -166,12 +167,12 @@ impl<H: Fn(u32) -> f64> Cutter<H> {
         self.section.half.extend(half);
     }
 
-    /// The polygon in which the plane meets a cell. A face in the plane itself belongs to the cell below it.
+    /// The polygon in which the plane intersects a cell. A face in the plane belongs to the cell below it.
     fn slice(&mut self, cell: [u32; 4]) {
         let (below, above): (Vec<u32>, Vec<u32>) = cell.iter().partition(|&&i| (self.height)(i) < 0.0);
         let mut polygon: Vec<u32> = Vec::with_capacity(4);
         for (n, &i) in below.iter().enumerate() {
-            // Every second row backwards: the corners of a quadrilateral come in the order of its outline.
+            // Every second row is reversed, so that the corners of a quadrilateral are in the order of its outline.
             let row: Vec<u32> = above.iter().map(|&j| self.crossing(i, j)).collect();
             if n % 2 == 0 { polygon.extend(row) } else { polygon.extend(row.into_iter().rev()) }
         }
@@ -179,7 +180,7 @@ impl<H: Fn(u32) -> f64> Cutter<H> {
         self.section.cut.extend(cut);
     }
 
-    /// Numbers the vertices on edges behind the drawn nodes.
+    /// Numbers the vertices on edges after the drawn nodes.
     fn finish(self) -> Section {
         let Self { mut section, .. } = self;
         let base = section.nodes.len() as u32;
@@ -192,7 +193,7 @@ impl<H: Fn(u32) -> f64> Cutter<H> {
     }
 }
 
-/// Triangles of a convex polygon; those without an area are left out.
+/// Triangulates a convex polygon; triangles without area are left out.
 fn fan(polygon: &[u32]) -> Vec<[u32; 3]> {
     let triangle = |k: usize| [polygon[0], polygon[k], polygon[k + 1]];
     let mut triangles: Vec<[u32; 3]> = (1..polygon.len().saturating_sub(1)).map(triangle).collect();

@@ -1,9 +1,9 @@
-//! The scene's settings as a reader wants them: words, numbers with units.
+//! The scene's settings for readers: words, and numbers with units.
 
 use super::svg::escaped;
 use std::fmt::Write as _;
 
-/// Endings of keys that name a unit, longest first where one ends in another.
+/// Key suffixes that name a unit; a suffix that contains another one at its end comes first.
 const UNITS: [(&str, &str); 12] = [
     ("_kg_per_m3", "kg/m³"),
     ("_m_per_s2", "m/s²"),
@@ -19,7 +19,7 @@ const UNITS: [(&str, &str); 12] = [
     ("_j", "J"),
 ];
 
-/// HTML of the settings, one group per table of the scene; empty if the text is no TOML.
+/// HTML of the settings, one group per table of the scene; empty if the text is not valid TOML.
 pub(super) fn settings_html(scene_toml: &str) -> String {
     let Ok(scene) = scene_toml.parse::<toml::Table>() else { return String::new() };
     let mut html = String::new();
@@ -44,7 +44,7 @@ fn nested(value: &toml::Value) -> bool {
 }
 
 fn group(html: &mut String, name: &str, table: &toml::Table) {
-    // The description has its place at the head of the page.
+    // The description is shown at the top of the page.
     let rows: Vec<_> = table.iter().filter(|(key, _)| *key != "description").collect();
     if rows.is_empty() {
         return;
@@ -70,7 +70,7 @@ fn text(value: &toml::Value) -> String {
         toml::Value::Table(t) => {
             t.iter().map(|(k, v)| format!("{} {}", words(k), text(v))).collect::<Vec<_>>().join(", ")
         }
-        // 1e-6 and not 0.000001; 970 and not 970.0.
+        // 1e-6 instead of 0.000001; 970 instead of 970.0.
         toml::Value::Float(number) => format!("{number:?}").trim_end_matches(".0").to_owned(),
         other => other.to_string(),
     }

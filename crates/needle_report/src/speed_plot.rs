@@ -1,4 +1,4 @@
-//! `speed.png`: cost of an integration point per step over the size of the model, beside the bounds of the machine.
+//! `speed.png`: cost of an integration point per step over the size of the model, with the bounds of the machine.
 
 use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
@@ -12,7 +12,7 @@ const HEIGHT: u32 = 560;
 const SIDES: [f64; 2] = [84.0, 932.0];
 const GREY: Colour = Colour(0x77, 0x77, 0x77, 1.0);
 
-/// The picture of all rows in three dimensions; others are too small for the scale.
+/// The plot of all three-dimensional rows; other models are too small for the scale.
 pub(super) fn speed_plot(processor: &str, bounds: Bounds, rows: &[Row]) -> Picture {
     let rows: Vec<&Row> = rows.iter().filter(|r| r.points > 5000).collect();
     let mut picture = Picture::new(WIDTH, HEIGHT);

@@ -1,4 +1,4 @@
-//! `stability.png`: how deep each method came, a row per method, a column per change; finite elements below.
+//! `stability.png`: largest depth of each method, a row per method and a column per change; finite elements below.
 
 use super::{
     picture::{Anchor, Colour, Picture, Type},
@@ -89,7 +89,7 @@ fn texts(row: &Row) -> [String; 3] {
     [format!("{:.1}", 1e3 * row.depth_m), error, why]
 }
 
-/// A coloured cell: its depth in bold, two lines below.
+/// A coloured cell: its depth in bold, with two lines below.
 fn cell(picture: &mut Picture, [x, y]: [f64; 2], share: f64, [depth, error, why]: &[String; 3]) {
     picture.rectangle([x + 1.0, y + 1.0], [x + CELL[0] - 1.0, y + CELL[1] - 1.0], shade(share));
     let colour = if share > 0.55 { Colour(255, 255, 255, 1.0) } else { INK };
@@ -100,7 +100,7 @@ fn cell(picture: &mut Picture, [x, y]: [f64; 2], share: f64, [depth, error, why]
     picture.text([middle, y + 40.0], why, typ);
 }
 
-/// Pale orange for nothing, dark blue for all of the depth; told apart in grey print by lightness.
+/// From pale orange for zero depth to dark blue for the full depth; distinguishable in grey print by lightness.
 fn shade(share: f64) -> Colour {
     let s = share.clamp(0.0, 1.0);
     let mix = |from: f64, to: f64| (from + s * (to - from)) as u8;
@@ -117,7 +117,7 @@ fn finite_elements(picture: &mut Picture, top: f64, names: &[&str], elements: &[
     let mut sizes: Vec<f64> = elements.iter().map(|e| e.size_mm).collect();
     sizes.sort_by(|a, b| b.total_cmp(a));
     sizes.dedup();
-    // names are longer than a method's
+    // the names are longer than those of the methods
     let left = LEFT + 130.0;
     for (i, size) in sizes.iter().enumerate() {
         let x = left + CELL[0] * i as f64;

@@ -1,6 +1,7 @@
-//! Strain and von Mises stress at the points of a mesh, from their displacement: what the page's 3D view shows at every moment.
+//! Strain and von Mises stress at the points of a mesh from their displacement, for the page's 3D view at all times.
 //!
-//! In each tetrahedron F = I + du/dX is constant. Means over the cells at a point, weighted by their volumes, of
+//! In each tetrahedron F = I + du/dX is constant. The values at a point are means over its cells, weighted by their
+//! volumes, of
 //!
 //! ```text
 //! strain  sqrt(2/3 e:e),   e = dev E,   E = 1/2 (F^T F - I)
@@ -9,10 +10,11 @@
 
 use nalgebra::Matrix3;
 
-/// Volume ratio below which a cell of the picture holds no tissue: the needle fills it, or it is folded. It has no stress.
+/// Volume ratio below which a cell of the mesh contains no tissue: the needle fills it, or it is inverted. It has no
+/// stress.
 const NO_TISSUE: f64 = 0.1;
 
-/// Corners with their volume and the inverse of their edges in the undeformed body.
+/// Corners of a cell with its volume and the inverse of its edge matrix in the undeformed body.
 struct Cell {
     corners: [usize; 4],
     volume: f64,
@@ -20,7 +22,7 @@ struct Cell {
     shear_modulus_pa: f64,
 }
 
-/// A mesh, ready for many moments.
+/// A mesh, prepared for many times.
 pub(super) struct Strains {
     cells: Vec<Cell>,
     weights: Vec<f64>,
@@ -38,8 +40,8 @@ fn deviator(m: Matrix3<f64>) -> f64 {
 }
 
 impl Strains {
-    /// Flat cells are left out. `moduli_pa` are the regions' shear moduli, `region` is that of each cell (empty: 0); without
-    /// moduli there is no stress.
+    /// Flat cells are left out. `moduli_pa` are the regions' shear moduli, and `region` is the region of each cell
+    /// (empty: 0). Without moduli there is no stress.
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], moduli_pa: Option<&[f64]>) -> Self {
         let mut weights = vec![0.0; points.len()];
         let modulus = |i: usize| {
@@ -82,8 +84,8 @@ impl Strains {
     }
 }
 
-/// Shear moduli of a scene file, Pa: of `[material]`, then of each region's material, if all of them are neo-Hookean and don't
-/// relax. What is rigid has no stress here: 0.
+/// Shear moduli in a scene file, Pa: of `[material]`, then of each region's material. `None` unless all of them are
+/// neo-Hookean without relaxation. A rigid region has no stress: 0.
 pub(super) fn moduli_pa(scene_toml: &str) -> Option<Vec<f64>> {
     let scene: toml::Table = scene_toml.parse().ok()?;
     let none = toml::Table::new();

@@ -1,9 +1,9 @@
-//! A picture as an SVG document, with text as text, so that it can be searched and edited.
+//! A picture as an SVG document. Text stays text, so that it can be searched and edited.
 
 use super::picture::{Anchor, Colour, Mark, Pen, Picture, Type};
 use std::fmt::Write as _;
 
-/// Fonts that a viewer is asked for; the PNG is drawn with the first.
+/// Fonts requested from a viewer; the PNG is drawn with the first.
 const FAMILIES: &str = "Inter, 'Helvetica Neue', Arial, sans-serif";
 
 impl Picture {
@@ -69,14 +69,14 @@ fn svg_points(points: &[[f64; 2]]) -> String {
     text
 }
 
-/// The colour as a quoted attribute value, followed by the attribute of its opacity where it has one.
+/// The colour as a quoted attribute value, followed by an opacity attribute if necessary.
 fn svg_colour(Colour(r, g, b, alpha): Colour, attribute: &str) -> String {
     let opaque = format!("\"#{r:02x}{g:02x}{b:02x}\"");
     if alpha < 1.0 { format!("{opaque} {attribute}-opacity=\"{alpha}\"") } else { opaque }
 }
 
-/// Text made safe for XML and HTML, in content and in quoted attributes. Control characters, which XML forbids,
-/// become spaces.
+/// Text escaped for XML and HTML, in content and in quoted attributes. Control characters, which XML forbids, become
+/// spaces.
 pub(super) fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {

@@ -8,22 +8,23 @@ use needle_core::twin::Event;
 use needle_estimate::compare::{Explains, Run, StabilityRow, Verdict};
 use std::fmt::Write as _;
 
-/// A surface that gives way within this does so when it is touched, m.
+/// Largest distance between contact and puncture for which the surface counts as punctured at first contact, m.
 const FIRST_CONTACT_M: f64 = 5e-6;
 
-/// A figure of the stability table as the page shows it.
+/// A figure of the stability table in the page's format.
 fn shown(row: &StabilityRow) -> String {
     let figures = if row.name.starts_with("Smallest") { 3 } else { 2 };
     format!("{}{}", significant(row.value, figures), row.unit)
 }
 
-/// The verdict on the measurement, then whether the run itself can be trusted, and why not: a bad fit before a late pose.
+/// The verdict on the measurement, then whether the run itself is reliable, with reasons: a bad fit comes before late
+/// poses.
 pub(super) fn verdict(html: &mut String, run: &Run) {
     let fit = run.verdict();
     let mut reasons: Vec<String> = fit.reasons.clone();
     reasons.extend(run.losses.iter().cloned());
     let poses = |n: u64| if n == 1 { "1 pose was".to_owned() } else { format!("{} poses were", count(n)) };
-    // offline nobody waits for an answer
+    // late poses don't matter offline
     let blameless = reasons.is_empty() && !(run.live && run.missed_deadlines + run.coalesced_poses > 0);
     if run.missed_deadlines > 0 {
         let late = if run.live {
@@ -64,7 +65,7 @@ fn sentence(verdict: &Verdict) -> String {
     letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
-/// The figures that people ask for first.
+/// The most important figures.
 pub(super) fn cards(html: &mut String, run: &Run) {
     let force = Scale::of_force(run);
     let m = run.force_metrics();
@@ -109,7 +110,7 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     if let Some((depth_m, time_s)) = puncture.filter(|(depth_m, _)| depth_m.is_finite()) {
         let at_once = if depth_m < FIRST_CONTACT_M { "deep, at first contact, " } else { "deep, " };
         let when = format!("{at_once}{} s after the first pose", significant(time_s, 3));
-        // a micrometre is what a displacement sensor sees
+        // resolution of a micrometre, as a displacement sensor has
         card(html, "Puncture", Some(format!("{:.3}", 1e3 * depth_m)), "mm", Some(when));
     }
     html.push_str("</div>\n");
@@ -124,7 +125,7 @@ fn card(html: &mut String, name: &str, figure: Option<String>, unit: &str, below
     );
 }
 
-/// How stable the run was, each figure with its bound.
+/// The stability table: each figure with its bound.
 pub(super) fn stability(html: &mut String, run: &Run) {
     html.push_str(
         "<section id=\"stability\">\n<h2>Stability</h2>\n<div class=\"wide\"><table class=\"stack\">\n<thead><tr><th>Figure</th>\
@@ -158,7 +159,7 @@ pub(super) fn target_legend(run: &Run) -> String {
     format!("<ul class=\"legend\">{}</ul>", run.target_names.iter().enumerate().map(entry).collect::<String>())
 }
 
-/// Where each target started, where it was at the deepest point, and how far it went, mm.
+/// Start position of each target, position at the deepest point, and displacement, mm.
 pub(super) fn targets(run: &Run) -> String {
     let deepest = run.targets.iter().filter(|t| t.depth_m.is_finite()).max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
     let depth = deepest.map_or_else(String::new, |t| format!("At {} mm deep", significant(1e3 * t.depth_m, 3)));

@@ -1,12 +1,12 @@
-//! Thinning a long run for drawing without losing visible detail.
+//! Thins a long run for drawing without a loss of visible detail.
 
 use needle_estimate::compare::{Answer, Run};
 use std::collections::BTreeSet;
 
-/// Indices of the answers to draw, in order: all of them if there are few, else per bucket of time the first, the
-/// last and the extremes of each drawn quantity, so that no peak is cut off.
+/// Indices of the answers to draw, in order. If there are few answers, all of them; otherwise per bucket of time the
+/// first, the last and the extremes of each drawn quantity, so that no peak is lost.
 ///
-/// Answers whose time, depth or predicted force is not finite are left out: they can't be drawn.
+/// Answers whose time, depth or predicted force is not finite can't be drawn and are left out.
 pub(super) fn thin(run: &Run, buckets: usize) -> Vec<usize> {
     let drawable = |a: &Answer| a.time_s.is_finite() && a.depth_m.is_finite() && a.predicted_n.is_finite();
     let all: Vec<usize> = (0..run.answers.len()).filter(|&i| drawable(&run.answers[i])).collect();
@@ -17,7 +17,7 @@ pub(super) fn thin(run: &Run, buckets: usize) -> Vec<usize> {
         |a| a.latency_s,
         |a| f64::from(a.steps),
     ];
-    // A bucket gives at most 12 answers.
+    // A bucket contributes at most 12 answers.
     if all.len() <= 12 * buckets {
         return all;
     }

@@ -1,8 +1,8 @@
-//! Numbers as people read them.
+//! Number formats for readers.
 
 use needle_estimate::compare::Run;
 
-/// Unit in which a run's forces are shown.
+/// Unit for the forces of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     /// Shown number per newton.
@@ -11,7 +11,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// mN for a run whose forces stay under 0.2 N, N for all others.
+    /// mN for a run whose forces stay below 0.2 N, otherwise N.
     pub fn of_force(run: &Run) -> Self {
         let m = run.force_metrics();
         let peak = [m.peak_predicted_n, m.peak_measured_n].into_iter().flatten().map(f64::abs).fold(0.0, f64::max);
@@ -19,7 +19,8 @@ impl Scale {
     }
 }
 
-/// A number with so many significant figures; a power of ten only where zeros would hide it. "–" if not finite.
+/// A number with a given number of significant digits. A power of ten is used only if zeros would hide the digits.
+/// "–" if it is not finite.
 pub(super) fn significant(value: f64, figures: usize) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -27,7 +28,7 @@ pub(super) fn significant(value: f64, figures: usize) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    // The exponent after rounding: 9.996 with three figures is 10.0.
+    // The exponent after rounding: 9.996 with three digits is 10.0.
     let scientific = format!("{value:.*e}", figures.saturating_sub(1));
     let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let exponent: i32 = exponent.parse().unwrap_or(0);
@@ -44,7 +45,7 @@ fn superscript(c: char) -> char {
     c.to_digit(10).and_then(|d| DIGITS.get(d as usize).copied()).unwrap_or('⁻')
 }
 
-/// A count with thin gaps between thousands.
+/// An integer with thin spaces between thousands.
 pub(super) fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);

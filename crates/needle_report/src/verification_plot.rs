@@ -1,4 +1,4 @@
-//! `verification_SCENE.png`: predicted force and the reference's points over depth, relative error below.
+//! `verification_SCENE.png`: predicted force and the reference's points over depth, with the relative error below.
 
 use super::{
     picture::Pen,
@@ -15,7 +15,7 @@ const SIDES: [f64; 2] = [84.0, 932.0];
 /// Half of a mark's width, px.
 const MARK: f64 = 5.0;
 
-/// The picture of one scene.
+/// The plot of one scene.
 pub(super) fn verification_plot(verification: &Verification) -> Picture {
     let Verification { scene, run, compared, .. } = verification;
     let mut picture = Picture::new(WIDTH, HEIGHT);

@@ -1,6 +1,6 @@
-//! `final.vtu` and time series: VTK's XML format for unstructured grids, as ParaView, PyVista and meshio read it.
+//! `final.vtu` and time series: VTK's XML format for unstructured grids, for ParaView, PyVista and meshio.
 //!
-//! Arrays are inline, base64, uncompressed, little endian, each behind its length in bytes as a UInt64.
+//! Arrays are inline, base64, uncompressed, little endian, each preceded by its length in bytes as a UInt64.
 
 use super::{
     ReportError,
@@ -13,7 +13,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// VTK's number for a linear tetrahedron.
+/// VTK's cell type of a linear tetrahedron.
 const VTK_TETRA: u8 = 10;
 
 /// One field at the points, with `C` components each.
@@ -23,14 +23,15 @@ struct Field<'a, const C: usize> {
 }
 
 /// Content of `final.vtu`: reference points and background tetrahedra, with the point data `displacement` (m),
-/// `jacobian` (volume ratio) and `von_mises_pa`, and of a sample with regions the cell data `region`: 0 for what is of
-/// `[material]`, 1 for the scene's first region, and so on. "Warp by vector" with `displacement` shows the deformed sample.
+/// `jacobian` (volume ratio) and `von_mises_pa`. For a sample with regions there is the cell data `region`: 0 for
+/// `[material]`, 1 for the scene's first region, and so on. "Warp by vector" with `displacement` shows the deformed
+/// sample.
 ///
-/// A field that the run doesn't have is left out. Where a value is not finite (a diverged run), 0 is written and
-/// the point datum `finite` is 0.
+/// A field that the run doesn't have is left out. Where a value is not finite (a diverged run), 0 is written and the
+/// point datum `finite` is 0.
 ///
 /// # Errors
-/// [`ReportError::Length`] or [`ReportError::Index`] if the run's fields and cells don't fit its points.
+/// [`ReportError::Length`] or [`ReportError::Index`] if the run's fields and cells don't match its points.
 pub fn final_vtu(run: &Run) -> Result<String, ReportError> {
     let state = &run.final_state;
     let jacobian: Vec<[f64; 1]> = state.jacobian.iter().map(|&j| [j]).collect();
@@ -51,12 +52,12 @@ pub fn clear_series(out: &Path) -> Result<(), ReportError> {
             files::remove_file(&entry.path())?;
         }
     }
-    let _ = std::fs::remove_dir(&folder); // only an empty one goes
+    let _ = std::fs::remove_dir(&folder); // removes only an empty folder
     files::remove_file(&out.join("series.pvd"))
 }
 
-/// Writes the run's snapshots as `series/frame_0000.vtu`, ... with `series.pvd`, which ParaView opens as one
-/// animation over time.
+/// Writes the run's snapshots as `series/frame_0000.vtu`, ... with `series.pvd`, which ParaView opens as an animation
+/// over time.
 ///
 /// # Errors
 /// As [`final_vtu`], and [`ReportError::File`] if a file can't be written.
@@ -112,7 +113,7 @@ fn grid(
     ))
 }
 
-/// Regions of the cells, where there are any.
+/// Regions of the cells, if there are any.
 fn cell_data(file: &'static str, state: &FinalState) -> Result<String, ReportError> {
     if state.region.is_empty() {
         return Ok(String::new());
@@ -137,7 +138,7 @@ fn topology(cells: &[[u32; 4]]) -> String {
     text
 }
 
-/// Appends a field if the run has it; clears `finite` where it has no finite value.
+/// Appends a field if the run has it; clears `finite` where its value is not finite.
 fn point_data<const C: usize>(
     text: &mut String,
     file: &'static str,

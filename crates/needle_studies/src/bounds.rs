@@ -1,4 +1,4 @@
-//! What one thread of this machine can do at most: the two bounds on the cost of a step.
+//! Measures the peak performance of one thread of this machine: the two bounds on the cost of a step.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -6,13 +6,13 @@ use std::time::Instant;
 use mtled::number::Number as _;
 use mtled::number::lanes::{LANES, Lanes, Loop, run};
 
-/// Bytes that are read: more than the caches of one core hold, as the gradients of a model are.
+/// Number of bytes read: more than the caches of one core hold, like the gradients of a model.
 const STREAM: usize = 16 << 20;
 /// Products per accumulator and run.
 const PRODUCTS: usize = 200_000;
-/// Independent accumulators: as many as hide the latency of a fused product on two units.
+/// Number of independent accumulators: enough to hide the latency of a fused multiply-add on two units.
 const ACCUMULATORS: usize = 10;
-/// Runs, of which the best counts.
+/// Number of runs; the best one is used.
 const RUNS: usize = 12;
 
 /// Measured on one thread; best of several runs.
@@ -20,12 +20,12 @@ const RUNS: usize = 12;
 pub struct Bounds {
     /// Bytes read in order from beyond the second-level cache, per second.
     pub bytes_per_s: f64,
-    /// Single-precision operations per second, a fused product counting two.
+    /// Single-precision operations per second; a fused multiply-add counts as two.
     pub flops: f64,
 }
 
 impl Bounds {
-    /// Measures both; takes a tenth of a second.
+    /// Measures both; this takes a tenth of a second.
     #[must_use]
     pub fn measure() -> Self {
         let stream = vec![Lanes::<f32>::of(1.0); STREAM / size_of::<Lanes<f32>>()];

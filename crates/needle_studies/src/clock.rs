@@ -1,6 +1,6 @@
-//! Processor time of the present thread, which other programs on the machine don't add to.
+//! Processor time of the present thread. Other programs do not add to it.
 
-/// Counts the processor time of the thread that it was started on; where the system has no such clock, wall time.
+/// Measures the processor time of the thread that started it; wall time if the system has no such clock.
 pub(super) struct ThreadClock(Time);
 
 impl ThreadClock {

@@ -1,21 +1,22 @@
-//! Samples of several materials that have a reference solution (`bags/reference/README.md`, its last table): a preset with other regions.
+//! Samples of several materials that have a reference solution (`bags/reference/README.md`, its last table): a preset
+//! with other regions.
 
 use super::csv;
 use needle_core::scene::{Override, Preset, Scene, SceneError, Target};
 use std::collections::BTreeMap;
 
-/// One of them.
+/// A composite sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Composite {
-    /// As `--scene` takes it.
+    /// Name for `--scene`.
     pub name: &'static str,
     /// The preset that it is made from.
     pub preset: &'static str,
     /// Its materials and regions, as TOML.
     regions: &'static str,
-    /// What else differs from the preset.
+    /// Other differences from the preset.
     keys: &'static [(&'static str, &'static str)],
-    /// Heights in the undeformed sample of the points on the axis whose displacement the reference has, mm.
+    /// Heights in the undeformed sample of points on the axis whose displacement the reference contains, mm.
     heights_mm: &'static [u8],
     /// The reference: depth, force, uncertainty, displacements.
     pub(super) table: &'static str,
@@ -78,7 +79,7 @@ from_depth_m = 0.0
 to_depth_m = 0.0005
 "#;
 
-/// The references know no wall.
+/// The references have no wall contact.
 const NO_WALL: (&str, &str) = ("instrument.wall_contact", "false");
 
 /// All of them.
@@ -119,14 +120,14 @@ pub const COMPOSITES: [Composite; 5] = [
         name: "membrane_indentation",
         preset: "indentation",
         regions: SKIN,
-        // a force of a few mN: beside it, what one step a pose leaves of motion is 2 % (docs/lab/layers.md)
+        // the force is only a few mN: with one step per pose the inertial error is 2 % of it (docs/lab/layers.md)
         keys: &[NO_WALL, ("instrument.diameter_m", "0.001"), ("stepping.tolerance", "0.0015")],
         heights_mm: &[],
         table: include_str!("../../../bags/reference/membrane_indentation.csv"),
     },
 ];
 
-/// The scene of a name: one of these, or a preset.
+/// The scene with a name: a composite or a preset.
 ///
 /// # Errors
 /// [`SceneError`] if it is neither.
@@ -135,16 +136,16 @@ pub fn posed(name: &str) -> Result<Scene, SceneError> {
 }
 
 impl Composite {
-    /// That of a name.
+    /// The composite with a name.
     #[must_use]
     pub fn find(name: &str) -> Option<&'static Self> {
         COMPOSITES.iter().find(|c| c.name == name)
     }
 
-    /// Its scene, with targets where the reference has displacements.
+    /// Its scene, with targets at the points for which the reference has displacements.
     ///
     /// # Errors
-    /// None as they are, which a test holds them to.
+    /// None for the shipped composites; a test checks this.
     pub fn scene(&self) -> Result<Scene, SceneError> {
         let text = Preset::find(self.preset)?.text.to_owned() + self.regions;
         let keys: Vec<_> = self.keys.iter().map(|(key, value)| Override::text(key, value, "study")).collect();
@@ -155,7 +156,7 @@ impl Composite {
         Ok(scene)
     }
 
-    /// Depth, m, and how far each target has moved up then, m.
+    /// Depth, m, and upward displacement of each target at that depth, m.
     #[must_use]
     pub fn displacements(&self) -> Vec<(f64, Vec<f64>)> {
         let rows = csv::read(self.table).filter_map(Result::ok);

@@ -1,98 +1,100 @@
-//! Learns the [correction](needle_core::twin::Similarity) of a coarse cloud: along the scene's path, at rest at each of some depths, force and targets of
-//! that cloud and of a finer one. What is left is measured in a run that it was not learnt from: with another deformation coefficient
-//! (a needle), or another Poisson's ratio, at depths between.
+//! Learns the [correction](needle_core::twin::Similarity) of a coarse cloud. Force and targets of that cloud and of a
+//! finer one are compared in equilibrium at several depths along the scene's path.
+//!
+//! The remaining error is measured in a held-out run with another deformation coefficient (needle) or another
+//! Poisson's ratio, at depths in between.
 
 use super::accuracy::{COMPARED_FROM, Case, Driven, Row, Steps, StudyError, drive};
+use super::reference_solution::{self, ReferenceSolution};
 use super::tune::with_pace;
-use super::yardstick::{self, Yardstick};
 use needle_core::scene::{Correction, Override, Scene};
 use needle_core::twin::Similarity;
+use needle_estimate::compare::Cancel;
 
-/// Depths, as far from each other as from the surface.
+/// Number of depths, equally spaced from the surface.
 const DEPTHS: u32 = 20;
-/// How far before them, of the way from one to the next, lie those where what is left is measured: the golden section, so that neither falls on nodes of
-/// the path alone, which lie at equal distances.
+/// Offset of the depths of the held-out run, as a fraction of the spacing: the golden section. So neither set of
+/// depths coincides with the equally spaced nodes of the path.
 const BEFORE: f64 = 0.382;
-/// Ways from pose to pose beyond which such a depth is moved to a pose's.
+/// Beyond this many distances between poses, such a depth is moved to that of a pose.
 const FAR: f64 = 20.0;
-/// Share of the largest length, of the force or of any target's motion, below which a vector's direction says nothing; what is next deeper is then
-/// taken.
+/// Share of the largest length (of the force, or of any target's displacement) below which a vector has no reliable
+/// direction. The value of the next larger depth is then used.
 const SMALL: f64 = 0.02;
-/// What the run that it was not learnt from has: the share of the deformation coefficient, or what is taken from Poisson's ratio.
+/// Change of the held-out run: factor on the deformation coefficient, or decrease of Poisson's ratio.
 const OTHER_COEFFICIENT: f64 = 0.75;
 const OTHER_RATIO: f64 = 0.01;
 
-/// What was learnt.
+/// A correction that was learnt.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learnt {
     /// The scene with its correction.
     pub scene: Scene,
-    /// The finer cloud that it was learnt from, at rest at each depth.
-    pub learnt_from: Yardstick,
-    /// Key and value of the run that it was not learnt from.
+    /// The finer cloud from which it was learnt, in equilibrium at each depth.
+    pub learnt_from: ReferenceSolution,
+    /// Changed key and value of the held-out run.
     pub held_out: (&'static str, f64),
-    /// The finer cloud in that run, at rest at each depth.
-    pub known: Yardstick,
+    /// The finer cloud in that run, in equilibrium at each depth.
+    pub known: ReferenceSolution,
     /// Largest error of that run without the correction.
     pub before: f64,
-    /// What is left of it.
+    /// Remaining error with the correction.
     pub left: f64,
-    /// What was nearer in that run without a correction, and has none: `force` or names of targets. A coarse cloud has nothing that could be
-    /// stretched where a tip passes a target on its path.
+    /// Quantities that have no correction because it increased their error in the held-out run: `force` or names of
+    /// targets. No scaling corrects a coarse cloud where a tip passes a target on its path.
     pub dropped: Vec<String>,
 }
 
-/// The row of a case; of one that is corrected after it was learnt how, to the yardstick's last depth. `None` if it was stopped.
+/// The row of a case. For a corrected case, the correction is learnt first, to the reference solution's last depth.
+/// `None` if it was cancelled.
 ///
 /// # Errors
 /// As [`Case::run`]. A cloud that can't be corrected is a result, not an error.
 pub fn row(
     case: &Case,
     scene: &Scene,
-    yardstick: &Yardstick,
-    stop: &dyn Fn() -> bool,
+    reference_solution: &ReferenceSolution,
+    cancel: &Cancel,
 ) -> Result<Option<Row>, StudyError> {
     if !case.corrected {
-        return case.run(scene, yardstick, stop);
+        return case.run(scene, reference_solution, cancel);
     }
-    let problem = yardstick.watched(scene);
-    match learn(&problem, &case.scene(&problem)?, yardstick.depth_m(), stop) {
+    let problem = reference_solution.watched(scene);
+    match learn(&problem, &case.scene(&problem)?, reference_solution.depth_m(), cancel) {
         Ok(None) => Ok(None),
-        Ok(Some(learnt)) => case.row_of(&learnt.scene, yardstick, stop),
+        Ok(Some(learnt)) => case.row_of(&learnt.scene, reference_solution, cancel),
         Err(why @ (StudyError::Lost { .. } | StudyError::Untuned(_))) => {
             let ended = Some(format!("before it began: {why}"));
-            Ok(Some(case.row(&problem, yardstick, Driven { ended, ..Driven::default() })))
+            Ok(Some(case.row(&problem, reference_solution, Driven { ended, ..Driven::default() })))
         }
         Err(error) => Err(error),
     }
 }
 
-/// The correction, down to a depth in m, of a scene's cloud `coarse` against a cloud 0.7 times as coarse (0.5 in a half plane) as the `problem`'s
-/// own. `None` if it was stopped.
+/// Learns the correction, down to a depth in m, of a scene's cloud `coarse`. The finer cloud has 0.7 times the
+/// spacing of the `problem`'s own (0.5 times in a half plane). `None` if it was cancelled.
 ///
 /// # Errors
-/// [`StudyError`] if a cloud can't be built or is lost on the way, or is too far from the finer one to be corrected.
-pub fn learn(
-    problem: &Scene,
-    coarse: &Scene,
-    depth_m: f64,
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Learnt>, StudyError> {
+/// [`StudyError`] if a cloud can't be built, its run ends early, or it is too far from the finer one to be corrected.
+pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> Result<Option<Learnt>, StudyError> {
     let dimension = coarse.dimension().dimension;
     let own = Case::of(problem)?.in_dimension(problem, dimension);
-    let case = own.spaced(problem, if own.is_half_plane() { yardstick::FINE } else { yardstick::FINE_IN_SPACE });
+    let case = own.spaced(
+        problem,
+        if own.is_half_plane() { reference_solution::FINE } else { reference_solution::FINE_IN_SPACE },
+    );
     let depths = |before: f64| -> Vec<f64> {
         (1..=DEPTHS).map(|k| depth_m * (f64::from(k) - before) / f64::from(DEPTHS)).collect()
     };
     let (depths, mut between) = (depths(0.0), depths(BEFORE));
     if let Some(motion) = coarse.motion {
-        // a run that moves has a pose at each
+        // a moving run has a pose at each of these depths
         let way = motion.speed.get() / motion.pose_rate.get();
         between.iter_mut().filter(|depth| **depth > FAR * way).for_each(|depth| *depth = (*depth / way).round() * way);
     }
     let plain = Scene { correction: None, ..coarse.clone() };
     let finer = case.scene(problem)?;
-    let run = |scene: &Scene| at_rest(scene, &depths, stop);
+    let run = |scene: &Scene| at_rest(scene, &depths, cancel);
     let (Some(known), Some(found)) = (run(&finer)?, run(&plain)?) else { return Ok(None) };
     let correction = Correction {
         learnt_from: format!("{} nodes, {} points", known.nodes, known.integration_points),
@@ -100,10 +102,10 @@ pub fn learn(
     }
     .sealed();
     let source = format!("a finer cloud of {} nodes at rest", known.nodes);
-    let learnt_from = Yardstick::driven(&finer, &depths, known, source)?;
+    let learnt_from = ReferenceSolution::driven(&finer, &depths, known, source)?;
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
     let held_out = held_out(problem);
-    let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, stop);
+    let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, cancel);
     let (Some(known), Some(before), Some(found)) = (run(&finer)?, run(&plain)?, run(&scene)?) else { return Ok(None) };
     let [before, found] = [&before, &found].map(|found| errors(&plain, &between, found, &known));
     let names: Vec<&str> =
@@ -116,31 +118,31 @@ pub fn learn(
     let left = scene.correction.as_ref().map_or(0.0, |c| c.left);
     let before = before.into_iter().fold(0.0, f64::max);
     let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
-    let known = Yardstick::driven(&finer, &between, known, source)?;
+    let known = ReferenceSolution::driven(&finer, &between, known, source)?;
     Ok(Some(Learnt { before, left, dropped, scene, learnt_from, held_out, known }))
 }
 
 impl Learnt {
-    /// A scene as in the run that the correction was not learnt from.
+    /// A scene with the change of the held-out run.
     ///
     /// # Errors
-    /// [`StudyError::Scene`] if it does not take the key.
+    /// [`StudyError::Scene`] if it does not accept the key.
     pub fn other((key, value): (&str, f64), scene: &Scene) -> Result<Scene, StudyError> {
         Ok(scene.with(&[Override::typed(key, value, "tune")])?)
     }
 
-    /// How near force and targets are on the way at the scene's own pace, in the run that the correction was not learnt from. `None` if it was
-    /// stopped.
+    /// Errors of force and targets in the held-out run, during the motion at the scene's own pace. `None` if it was
+    /// cancelled.
     ///
     /// # Errors
     /// As [`Case::run`].
-    pub fn on_the_way(&self, stop: &dyn Fn() -> bool) -> Result<Option<Row>, StudyError> {
+    pub fn on_the_way(&self, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
         let other = Self::other(self.held_out, &self.scene)?;
-        Case::of(&other)?.row_of(&other, &self.known, stop)
+        Case::of(&other)?.row_of(&other, &self.known, cancel)
     }
 }
 
-/// The key that is changed for the run that a correction is not learnt from, and its value there.
+/// The key that is changed for the held-out run, and its value there.
 fn held_out(scene: &Scene) -> (&'static str, f64) {
     const COEFFICIENT: &str = "instrument.deformation_coefficient";
     const RATIO: &str = "material.poisson_ratio";
@@ -151,12 +153,12 @@ fn held_out(scene: &Scene) -> (&'static str, f64) {
     }
 }
 
-/// Forces and targets of a scene at each depth, at rest; `None` if it was stopped.
-fn at_rest(scene: &Scene, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Option<Driven>, StudyError> {
+/// Forces and targets of a scene in equilibrium at each depth; `None` if it was cancelled.
+fn at_rest(scene: &Scene, depths: &[f64], cancel: &Cancel) -> Result<Option<Driven>, StudyError> {
     let case = Case { steps: Steps::Rest, ..Case::of(scene)? };
     let keys = case.keys().into_iter().filter(|(path, _)| path.starts_with("stepping."));
     let keys: Vec<Override> = keys.map(|(path, value)| Override::text(path, &value, "tune")).collect();
-    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, stop)?;
+    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, cancel)?;
     match driven.ended {
         _ if driven.stopped => Ok(None),
         Some(why) => Err(StudyError::Lost { scene: scene.name.clone(), why }),
@@ -164,13 +166,13 @@ fn at_rest(scene: &Scene, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Opt
     }
 }
 
-/// Displacements of target i, depth by depth, m.
+/// Displacements of target i at each depth, m.
 fn displacements(scene: &Scene, driven: &Driven, i: usize) -> Vec<[f64; 3]> {
     let from = scene.targets[i].position;
     driven.at_depths.iter().map(|places| std::array::from_fn(|k| places[i][k] - from[k])).collect()
 }
 
-/// What takes one cloud's answers to another's.
+/// The transformation from one cloud's answers to another's.
 fn correction(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Result<Correction, StudyError> {
     let most = |vectors: &[[f64; 3]]| vectors.iter().map(|v| length(*v)).fold(0.0, f64::max);
     let force = similarities(depths, "force", &found.vectors, &known.vectors, SMALL * most(&found.vectors))?;
@@ -193,7 +195,8 @@ fn correction(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> 
     })
 }
 
-/// Numbers of the similarities from one to the other vector, depth by depth; of vectors that are longer than `least`.
+/// Parameters of the similarities that map one vector to the other, for each depth; only vectors longer than `least`
+/// are used.
 fn similarities(
     depths: &[f64],
     what: &str,
@@ -220,7 +223,8 @@ fn similarities(
     Ok(numbers.concat())
 }
 
-/// Takes away what makes an error larger than it was, of force and targets in turn, and notes what is left; the names of what is without.
+/// Removes the parts of the correction, of force and targets in turn, that increase the error, and stores the
+/// remaining error. Returns the names of the removed parts.
 fn keep_what_helps(correction: &mut Correction, names: &[&str], before: &[f64], found: &[f64]) -> Vec<String> {
     let each = correction.depths.len() * Correction::NUMBERS;
     let all = correction.force.chunks_mut(each).chain(correction.targets.chunks_mut(each));
@@ -235,8 +239,8 @@ fn keep_what_helps(correction: &mut Correction, names: &[&str], before: &[f64], 
     dropped
 }
 
-/// Largest distance from what is known, over its greatest length so far (what a needle comes to hold may move back), from a fifth of the path on: of
-/// the force, and of each target's motion.
+/// Largest distance from the finer cloud, over the largest length so far (captured nodes may move back), from a fifth
+/// of the path on: of the force, and of each target's displacement.
 fn errors(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Vec<f64> {
     let deepest = depths.last().copied().unwrap_or_default();
     let error = |found: &[[f64; 3]], known: &[[f64; 3]]| {

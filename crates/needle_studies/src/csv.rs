@@ -1,4 +1,4 @@
-//! Tables of a study as CSV (RFC 4180): a row is a struct, its columns are the struct's fields.
+//! Tables of a study as CSV (RFC 4180). A row is a struct; its columns are the struct's fields.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -18,7 +18,7 @@ pub fn line<R: Serialize>(record: R) -> String {
 fn text<R: Serialize>(heading: bool, records: impl IntoIterator<Item = R>) -> String {
     let mut writer = csv::WriterBuilder::new().has_headers(heading).from_writer(Vec::new());
     for record in records {
-        // Flat structs of numbers and text always can be written to memory.
+        // Writing flat structs of numbers and text to memory can't fail.
         let _ = writer.serialize(record);
     }
     String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default()

@@ -1,5 +1,5 @@
-//! Independent finite-element solutions of the presets (`bags/reference/`, whose README says how they were made and
-//! how far they can be trusted). The solver shares no code with them.
+//! Independent finite-element solutions of the presets (`bags/reference/`, whose README describes how they were made
+//! and how accurate they are). The solver shares no code with them.
 
 use serde::Deserialize;
 
@@ -24,13 +24,13 @@ pub struct PointDisplacement {
     pub vertical_m: f64,
 }
 
-/// Depth of the indentation at which displacements are known, m.
+/// Depth of the indentation for which displacements are known, m.
 pub const DISPLACEMENT_DEPTH_M: f64 = 0.004;
-/// Radius on the top surface within which the reference itself is uncertain (the edge of the disc is singular), m.
+/// Radius on the top surface within which the reference itself is uncertain (singularity at the edge of the disc), m.
 const NEAR_EDGE_M: f64 = 0.006;
 /// Directions from the axis in which each reference displacement is compared, rad.
 const AZIMUTHS: [f64; 4] = [0.3, 1.9, 3.4, 5.0];
-/// The outermost points of the reference lie outside a cylinder of chords, m.
+/// Limit of the reference points, m: the outermost ones lie outside a cylinder of chords.
 const OUTERMOST_M: f64 = 0.0145;
 
 /// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
@@ -51,7 +51,7 @@ struct ForcePoint {
     depth_m: f64,
     #[serde(rename = "force_N")]
     force_n: f64,
-    /// With the tissue kept outside the wall of the indenter, as the preset keeps it.
+    /// Force with the tissue kept outside the wall of the indenter, as in the preset.
     #[serde(rename = "force_with_indenter_side_contact_N")]
     walled_n: Option<f64>,
     #[serde(rename = "uncertainty_N")]
@@ -67,7 +67,7 @@ fn force_table(preset: &str) -> Option<&'static str> {
     }
 }
 
-/// Largest relative uncertainty that the reference itself states for its forces, from a fifth of a depth (m) to it.
+/// Largest relative uncertainty that the reference states for its forces, from a fifth of a depth (m) to the depth.
 #[must_use]
 pub fn uncertainty(preset: &str, depth_m: f64) -> Option<f64> {
     let compared = (0.2 * depth_m * (1.0 - 1e-9))..=depth_m * (1.0 + 1e-9);
@@ -86,23 +86,23 @@ pub fn indentation_displacements() -> Vec<PointDisplacement> {
     on_axis.chain(on_top.filter(|p: &PointDisplacement| p.radius_m >= NEAR_EDGE_M)).collect()
 }
 
-/// Where a finite element of a size ended in the indentation.
+/// Depth at which a finite element model with an element size ended in the indentation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElementStability {
-    /// Element.
+    /// Element type.
     pub element: String,
     /// Edge length, mm.
     pub size_mm: f64,
-    /// Relative error of the force at 4 mm, if it came there.
+    /// Relative error of the force at 4 mm, if it reached that depth.
     pub force_error: Option<f64>,
     /// Last depth that converged, m.
     pub depth_m: f64,
-    /// Whether it came to the depth that was asked for.
+    /// Whether it reached the requested depth.
     pub reached: bool,
 }
 
-/// Ordinary finite elements, axisymmetric, driven to 10 mm with Newton's method; those in three dimensions are left out,
-/// since they were stopped on the way.
+/// Ordinary finite elements, axisymmetric, driven to 10 mm with Newton's method. Three-dimensional ones are left out,
+/// because they were stopped early.
 #[must_use]
 pub fn element_stability() -> Vec<ElementStability> {
     let table = include_str!("../../../bags/reference/finite_element_stability.csv");
@@ -141,7 +141,7 @@ pub fn targets(height: f64) -> Vec<Target> {
     compared().enumerate().map(target).collect()
 }
 
-/// Where [`targets`] are at [`DISPLACEMENT_DEPTH_M`], m.
+/// Positions of [`targets`] at [`DISPLACEMENT_DEPTH_M`], m.
 #[must_use]
 pub fn displaced(height: f64) -> Vec<[f64; 3]> {
     let place = |(p, a): (PointDisplacement, f64)| {

@@ -1,8 +1,8 @@
-//! What a step costs on this machine: the presets, the number of support nodes, the size of the model, and how fast a
-//! needle may go in three dimensions.
+//! Measures the cost of a step on this machine: for the presets, the number of support nodes and the size of the
+//! model. Also measures the largest real-time speed of a needle in three dimensions.
 //!
-//! A step is timed as a pose that takes one step, many times. The shortest time is the cost on an otherwise idle machine; the
-//! median is the cost in this run.
+//! A step is measured as a pose that takes one step, many times. The shortest time is the cost on an otherwise idle
+//! machine; the median is the cost in this run.
 
 use std::time::Instant;
 
@@ -12,9 +12,9 @@ use super::csv;
 use mtled::solver::StepWork;
 use needle_core::scene::{Override, Preset, Scene, SceneError};
 use needle_core::twin::{BuildError, Halt, StampedPose, Twin};
-use needle_estimate::compare::Watch;
+use needle_estimate::compare::{Cancel, Watch};
 
-/// Poses that are timed.
+/// Number of timed poses.
 const POSES: u32 = 120;
 /// Travel per timed pose, m.
 const TRAVEL_M: f64 = 2e-6;
@@ -37,7 +37,7 @@ pub enum SpeedError {
 /// One model to time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What the row shows.
+    /// Group of the row in the table.
     pub group: &'static str,
     /// Preset.
     pub preset: &'static str,
@@ -46,18 +46,18 @@ pub struct Case {
     pub threads: usize,
 }
 
-/// One timed model.
+/// Timings of one model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What was timed.
+    /// The model.
     pub case: Case,
     /// Nodes.
     pub nodes: usize,
     /// Integration points.
     pub points: usize,
-    /// What a step does for each point.
+    /// Operations per point and step.
     pub work: StepWork,
-    /// From the scene to the first step, s.
+    /// Time from the scene to the first step, s.
     pub build_s: f64,
     /// Shortest step, s.
     pub best_s: f64,
@@ -123,7 +123,7 @@ impl Case {
     /// Builds the model and times its steps, on as many threads as the present rayon pool has.
     ///
     /// # Errors
-    /// [`SpeedError`] if the scene can't be built or the twin gives up.
+    /// [`SpeedError`] if the scene can't be built or the twin halts.
     pub fn run(&self) -> Result<Row, SpeedError> {
         let mut keys = self.keys.clone();
         keys.push(("stepping.max_steps_per_pose", "1".to_owned()));
@@ -224,18 +224,18 @@ impl From<&Row> for Record {
     }
 }
 
-/// A needle that goes in at one speed, poses at one rate, in three dimensions.
+/// An insertion in three dimensions at one speed and one rate of poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// m/s
+    /// Speed, m/s.
     pub speed: f64,
-    /// 1/s
+    /// Poses per second, 1/s.
     pub pose_hz: f64,
-    /// Simulated over wall time, the model's building not counted.
+    /// Simulated time over wall time, without the time to build the model.
     pub real_time_factor: f64,
     /// Mean steps per pose.
     pub steps_per_pose: f64,
-    /// Largest difference from the quasi-static force of the same cloud, over its peak.
+    /// Largest difference from the quasi-static force on the same cloud, over its peak.
     pub error: f64,
 }
 
@@ -266,18 +266,18 @@ const QUASI_STATIC_STEPS: &str = "8";
 
 /// One insertion.
 struct Insertion {
-    /// m, N.
+    /// Depth, m, and force, N.
     force: Vec<[f64; 2]>,
     real_time_factor: f64,
     steps_per_pose: f64,
 }
 
-/// Drives the needle of the preset to the end of its path; `None` if `watch` ended it.
+/// Drives the needle of the preset to the end of its path; `None` if it was cancelled.
 fn insertion(
     speed: f64,
     pose_hz: f64,
     keys: &[(&'static str, String)],
-    watch: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Insertion>, SpeedError> {
     let scene = scene("needle_insertion", keys)?;
     let depth = scene.motion.map_or(0.0, |m| m.depth.get());
@@ -286,7 +286,7 @@ fn insertion(
     let start = Instant::now();
     let mut force = Vec::with_capacity(count as usize);
     for i in 0..=count {
-        if watch() {
+        if cancel.is_cancelled() {
             return Ok(None);
         }
         let at = depth * f64::from(i) / f64::from(count);
@@ -301,15 +301,15 @@ fn insertion(
     }))
 }
 
-/// Runs [`MOTIONS`] and hands each to `row`; ends early when `progress` says so.
+/// Runs [`MOTIONS`] and passes each to `row`; ends early if `progress` is cancelled.
 ///
 /// # Errors
-/// [`SpeedError`] if the scene can't be built or the twin gives up.
+/// [`SpeedError`] if the scene can't be built or the twin halts.
 pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(), SpeedError> {
-    let stop = || progress.stop();
+    let cancel = progress.cancel();
     let full = ("discretisation.dimension", "full".to_owned());
     let patient = [full.clone(), ("stepping.min_steps_per_pose", QUASI_STATIC_STEPS.to_owned())];
-    let Some(Insertion { force: reference, .. }) = insertion(5e-3, 1000.0, &patient, &stop)? else { return Ok(()) };
+    let Some(Insertion { force: reference, .. }) = insertion(5e-3, 1000.0, &patient, cancel)? else { return Ok(()) };
     let peak = reference.iter().fold(0.0_f64, |peak, p| peak.max(p[1]));
     let at = |depth: f64| {
         let i = reference.partition_point(|p| p[0] < depth).clamp(1, reference.len() - 1);
@@ -318,7 +318,7 @@ pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(),
     };
     for (speed, pose_hz) in MOTIONS {
         let keys = std::slice::from_ref(&full);
-        let Some(run) = insertion(speed, pose_hz, keys, &stop)? else { break };
+        let Some(run) = insertion(speed, pose_hz, keys, cancel)? else { break };
         let Insertion { real_time_factor, steps_per_pose, .. } = run;
         let error = run.force.iter().map(|p| (p[1] - at(p[0])).abs()).fold(0.0, f64::max) / peak;
         row(&Motion { speed, pose_hz, real_time_factor, steps_per_pose, error });

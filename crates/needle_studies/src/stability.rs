@@ -1,8 +1,8 @@
-//! Where methods fail, and why: the indentation is driven on until it ends, for several methods, one property changed
-//! at a time.
+//! Where methods fail, and why. The indentation is continued until it ends, for several methods, with one property
+//! changed at a time.
 //!
-//! A run ends because it has reached [`DEEPEST_M`], because the twin halted ([`Trouble`], after returns to the last good
-//! state with smaller steps), or because the scene can't be discretised.
+//! A run ends for one of three reasons. It has reached [`DEEPEST_M`]. The twin halted ([`Trouble`], after returns to
+//! the last good state with smaller steps). Or the scene can't be discretised.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ const COMPARED_AT_M: f64 = 0.004;
 const POSE_HZ: f64 = 1000.0;
 const PRESET: &str = "indentation";
 
-/// A way to discretise: its name in the map, and the keys that make it.
+/// A discretisation: its name in the map, and its keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
     /// Name in the map.
@@ -32,7 +32,7 @@ const fn method(name: &'static str, word: &'static str, ratio: &'static str) -> 
     Method { name, keys: [("discretisation.method", word), ("discretisation.volume_ratio", ratio)] }
 }
 
-/// Rows of the map: three methods, each with and without the cure of volumetric locking.
+/// Rows of the map: three methods, each with and without the treatment of volumetric locking.
 pub const METHODS: [Method; 6] = [
     method("mmls", "mmls", "projected"),
     method("mls", "mls", "projected"),
@@ -42,7 +42,7 @@ pub const METHODS: [Method; 6] = [
     method("tet4, no cure", "tet4", "pointwise"),
 ];
 
-/// A property and the value that it is changed to; everything else is as in `BASE`.
+/// A property and its changed value; everything else is as in `BASE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// Group of columns in the map.
@@ -57,13 +57,14 @@ const fn change(group: &'static str, label: &'static str, key: &'static str, val
     Change { group, label, key, value }
 }
 
-/// What every run starts from, beside the preset: Poisson's ratio 0.49, plain sums with a support factor of 1.8, step factor 0.9.
+/// Changes to the preset in every run. Poisson's ratio 0.49, the support factor 1.8 and the step factor 0.9 are the
+/// preset's.
 const BASE: [(&str, &str); 4] = [SPACE, PLAIN, (SPACING, "0.00304"), (SPEED, "0.004")];
-/// The same for the quick form.
+/// The same for the quick study.
 const QUICK_BASE: [(&str, &str); 4] = [SPACE, PLAIN, (SPACING, "0.0055"), (SPEED, "0.008")];
 /// The study is of methods in three dimensions.
 const SPACE: (&str, &str) = ("discretisation.dimension", "full");
-/// All methods have these, linear tetrahedra too.
+/// Integration that all methods have, including linear tetrahedra.
 const PLAIN: (&str, &str) = ("discretisation.integration", "plain");
 const NU: &str = "material.poisson_ratio";
 const SPACING: &str = "discretisation.spacing_m";
@@ -71,7 +72,7 @@ const SUPPORT: &str = "discretisation.support_factor";
 const STEP: &str = "stepping.step_factor";
 const SPEED: &str = "motion.speed_m_per_s";
 
-/// The same of a top layer of 2 mm that there is then, Pa: so many times the preset's 1678.
+/// Shear modulus of a top layer of 2 mm, which exists only in these columns, Pa: multiples of the preset's 1678.
 const LAYER: &str = "materials.layer.shear_modulus_pa";
 const LAYERED: &str = "top layer's modulus, times";
 const TOP_LAYER: &str = r#"
@@ -115,7 +116,7 @@ pub struct Case {
     pub method: Method,
     /// Column.
     pub change: Change,
-    /// Where it ends if nothing fails, m.
+    /// Depth at which it ends unless it fails, m.
     pub deepest_m: f64,
     base: [(&'static str, &'static str); 4],
 }
@@ -123,7 +124,7 @@ pub struct Case {
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It reached the depth.
+    /// It reached the requested depth.
     Reached,
     /// A cell was crushed to zero volume or inverted.
     Inversion,
@@ -133,12 +134,12 @@ pub enum Ended {
     SingularMoments,
     /// The scene can't be discretised for another reason.
     Refused,
-    /// Ctrl-C.
+    /// The user interrupted it.
     Interrupted,
 }
 
 impl Ended {
-    /// Word in the table.
+    /// Name in the table.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -152,7 +153,7 @@ impl Ended {
     }
 }
 
-/// What one run gave.
+/// Result of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// [`Method::name`].
@@ -167,15 +168,15 @@ pub struct Row {
     pub depth_m: f64,
     /// [`Ended::word`].
     pub ended: String,
-    /// Predicted over reference force - 1 at 4 mm, or at the last depth of the reference before; only where Poisson's
+    /// Predicted over reference force - 1 at 4 mm, or at the reference's last depth before that. Only if Poisson's
     /// ratio is the reference's and there is no layer.
     #[serde(rename = "force_error_at_4mm")]
     pub force_error: Option<f64>,
-    /// Smallest volume ratio on the way.
+    /// Smallest volume ratio during the run.
     pub min_jacobian: f64,
-    /// Times that the twin went back to the last good state.
+    /// Number of times that the twin returned to the last good state.
     pub recoveries: u64,
-    /// Explicit steps.
+    /// Number of explicit steps.
     pub steps: u64,
 }
 
@@ -185,7 +186,7 @@ pub fn cases(quick: bool) -> Vec<Case> {
     let mut cases = Vec::new();
     for method in METHODS {
         for change in CHANGES {
-            // a finite element has no support, and a layer is another question than locking
+            // a finite element has no support; and a layer is a different problem from locking
             let meaningless = change.key == SUPPORT && method.name.starts_with("tet4")
                 || change.key == LAYER && method.name.ends_with("no cure");
             let short = ["mmls", "mmls, no cure", "tet4, no cure"].contains(&method.name)
@@ -203,7 +204,7 @@ impl Case {
     /// The scene of this case.
     ///
     /// # Errors
-    /// [`StudyError::Scene`] if the preset does not take the keys.
+    /// [`StudyError::Scene`] if the preset does not accept the keys.
     pub fn scene(&self) -> Result<Scene, StudyError> {
         let depth = self.deepest_m.to_string();
         let mut keys = vec![("motion.depth_m", depth.as_str())];
@@ -266,7 +267,7 @@ impl Case {
                 Err(Halt::Diverged { .. }) => ended = Ended::Step,
                 Err(_) => ended = Ended::Refused,
             }
-            if watch.stop() {
+            if watch.cancel().is_cancelled() {
                 ended = Ended::Interrupted;
             }
             if ended != Ended::Reached || depth >= self.deepest_m {
@@ -288,7 +289,7 @@ pub fn heading() -> String {
 }
 
 impl Row {
-    /// A line of the table for people.
+    /// A line of the printed table.
     #[must_use]
     pub fn line(&self) -> String {
         let error = self.force_error.map_or_else(|| "-".to_owned(), |e| format!("{:+.1} %", 100.0 * e));
@@ -319,7 +320,7 @@ pub fn csv(rows: &[Row]) -> String {
     csv::write(rows)
 }
 
-/// The rows of a `stability.csv`; lines that are none, as the last of an interrupted run might be, are left out.
+/// The rows of a `stability.csv`. Invalid lines are left out, such as the last one of an interrupted run.
 #[must_use]
 pub fn parse(table: &str) -> Vec<Row> {
     csv::read(table).filter_map(Result::ok).collect()

@@ -1,39 +1,43 @@
-//! The cheapest discretisation and the fewest steps per pose that keep a scene's force within a tolerance, found by running
-//! them on this machine.
+//! Finds the cheapest discretisation and the fewest steps per pose that keep a scene's force within a tolerance. All
+//! candidates are run on this machine; nothing is estimated.
 //!
-//! The search: coarse clouds first, with the scene's own pace, in space each with coarser surroundings as well, until one is
-//! within the tolerance; there and on the next coarser one other supports, more points and linear moving least squares; then,
-//! for the cheapest that are near enough, or for the nearest if none is, one, two, four steps per pose until the force is right
-//! and the run's stability table holds; last, the other precision. The half plane comes before space, where the scene's
-//! `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
+//! The search:
+//!
+//! 1. Clouds from coarse to fine at the scene's own pace, until one is within the tolerance. In three dimensions each
+//!    spacing is also tried with coarser surroundings.
+//! 2. On that cloud and on the next coarser one: other supports, more points, and linear moving least squares.
+//! 3. For the cheapest that are accurate enough, or for the nearest if none is: one, two, four ... steps per pose,
+//!    until the force is accurate and the run's stability table holds.
+//! 4. The other precision.
+//!
+//! The half plane is tried before three dimensions, if the scene's `discretisation.dimension` allows both.
 
 use super::accuracy::{Case, Row, Steps, StudyError};
-use super::yardstick::Yardstick;
+use super::reference_solution::ReferenceSolution;
 use needle_core::scene::{Dimension, Override, Scene};
-use needle_estimate::compare::{self, Answer, Collector, Keep, Watch};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Cancel, Keep, Session};
 
 /// Factors on the scene's spacing in a half plane, coarse first.
 const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
-/// The same in space.
+/// The same in three dimensions.
 const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 /// Steps per pose that are tried, few first.
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
-/// Most steps per pose at a scene's own pace: the key's default.
+/// Largest number of steps per pose at a scene's own pace: the key's default.
 pub(super) const MOST_STEPS: u32 = 2000;
-/// Discretisations whose steps per pose are tried.
+/// Number of discretisations whose steps per pose are varied.
 const FINALISTS: usize = 4;
-/// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
+/// Largest share of the time between two poses for the mean pose; the rest is reserved for other load.
 const HEADROOM: f64 = 0.7;
-/// Share of the tolerance that a measured error may take.
+/// Largest share of the tolerance for a measured error.
 const MARGIN: f64 = 0.95;
 
-/// What is asked for.
+/// Requirements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
     /// Largest relative error of the force, from a fifth of the path on.
     pub tolerance: f64,
-    /// Poses per second that have to be answered in time.
+    /// Poses per second that must be answered in time.
     pub pose_hz: f64,
 }
 
@@ -42,7 +46,7 @@ impl Goal {
         row.max_force_error().is_some_and(|error| error <= MARGIN * self.tolerance)
     }
 
-    /// Whether the targets are as near on the way, where that is known.
+    /// Whether the targets are also within the tolerance during the motion, if their error is known.
     fn holds_targets(&self, row: &Row) -> bool {
         row.way_error.is_none_or(|error| error <= MARGIN * self.tolerance)
     }
@@ -51,18 +55,18 @@ impl Goal {
         row.cost_per_pose_s() <= HEADROOM / self.pose_hz
     }
 
-    /// The scene with the poses that are asked for.
+    /// The scene with the required rate of poses.
     pub fn asked_of(&self, scene: &Scene) -> Result<Scene, StudyError> {
         Ok(scene.with(&[Override::text("motion.pose_hz", &self.pose_hz.to_string(), "tune")])?)
     }
 }
 
-/// What was found.
+/// Result of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
     /// The scene with the keys of the row.
     pub scene: Scene,
-    /// The row that meets both.
+    /// The row that meets both requirements.
     pub row: Row,
 }
 
@@ -73,19 +77,22 @@ impl Tuned {
     }
 }
 
-/// Runs a scene with different discretisations until the cheapest within the goal is known; `seen` gets every row.
+/// Runs a scene with different discretisations until the cheapest that meets the goal is found. `seen` is called with
+/// every row.
 ///
 /// # Errors
-/// [`StudyError::Untuned`] if no way meets both, naming the nearest; otherwise as [`Case::run`].
+/// [`StudyError::Untuned`] if none meets both requirements; the message names the nearest. Otherwise as
+/// [`Case::run`].
 pub fn tune(
     scene: &Scene,
-    yardstick: &Yardstick,
+    reference_solution: &ReferenceSolution,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
-    stop: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = goal.asked_of(scene)?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let mut search =
+        Search { scene: &scene, reference_solution, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     let own = Case::of(&scene)?;
     let mut dimensions = vec![scene.dimension().dimension];
     if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
@@ -102,19 +109,21 @@ pub fn tune(
     Err(StudyError::Untuned(search.nearest()))
 }
 
-/// The scene on the coarsest cloud whose force is within a tolerance at the scene's own pace, with what that gave; `None` if it was stopped.
+/// The scene on the coarsest cloud whose force is within a tolerance at the scene's own pace, with the resulting row;
+/// `None` if it was cancelled.
 ///
 /// # Errors
 /// As [`tune`].
 pub fn coarsest(
     scene: &Scene,
-    yardstick: &Yardstick,
+    reference_solution: &ReferenceSolution,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
-    stop: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = goal.asked_of(scene)?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let mut search =
+        Search { scene: &scene, reference_solution, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     let own = Case::of(&scene)?;
     let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
     let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
@@ -124,28 +133,30 @@ pub fn coarsest(
     Ok(Some(Tuned::of(&scene, row)?))
 }
 
-/// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
-/// its cloud is: the force on the way of `other`, the same with what the correction was not learnt from, and its targets if any pace holds them.
-/// `None` if it was stopped.
+/// The fewest steps per pose, or the scene's own pace, for a [corrected](super::correction) scene to meet the goal.
+/// `case` describes its cloud.
+///
+/// The error is that of the force during the motion of `other`, the same scene with the change of the held-out run.
+/// The error of the targets counts too, if any pace meets it. `None` if it was cancelled.
 ///
 /// # Errors
 /// As [`tune`].
 pub fn paced(
     [scene, other]: [&Scene; 2],
     case: &Case,
-    yardstick: &Yardstick,
+    reference_solution: &ReferenceSolution,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
-    stop: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
-    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let mut search = Search { scene, reference_solution, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
         let case = Case { steps, ..case.clone() };
         let paced = with_pace(other, steps)?;
-        let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
+        let Some(row) = case.row_of(&paced, reference_solution, cancel)? else { return Ok(None) };
         (search.seen)(&row);
         search.rows.push(row.clone());
-        // the scene's own pace may be dearer than a few steps
+        // the scene's own pace may be more expensive than a few steps
         if steps != Steps::Auto && (!goal.in_time(&row) || (goal.near(&row) && goal.holds_targets(&row))) {
             break;
         }
@@ -160,7 +171,7 @@ pub fn paced(
     Err(StudyError::Untuned(search.nearest()))
 }
 
-/// A scene with so many steps for every pose that moves, or with its own pace.
+/// A scene with a fixed number of steps for every pose that moves, or with its own pace.
 pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError> {
     let (least, most) = match steps {
         Steps::Fixed(steps) => (steps, steps),
@@ -170,42 +181,31 @@ pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError
     Ok(scene.with(&keys.map(|(path, steps)| Override::typed(path, steps, "tune")))?)
 }
 
-/// Ends a run where the search is ended.
-struct Stop<'a>(&'a dyn Fn() -> bool);
-
-impl Watch for Stop<'_> {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
-}
-
 struct Search<'a> {
     scene: &'a Scene,
-    yardstick: &'a Yardstick,
+    reference_solution: &'a ReferenceSolution,
     goal: Goal,
     rows: Vec<Row>,
-    /// Whether the stability table of a case's whole motion holds, of those that were asked.
+    /// Whether the stability table holds over a case's whole motion, for the cases checked so far.
     stable: Vec<(Case, bool)>,
     seen: &'a mut dyn FnMut(&Row),
-    stop: &'a dyn Fn() -> bool,
+    cancel: &'a Cancel,
 }
 
 impl Search<'_> {
-    /// Runs a case that has not been run yet; `None` if it was stopped.
+    /// Runs a case unless it has been run already; `None` if it was cancelled.
     fn run(&mut self, case: &Case) -> Result<Option<Row>, StudyError> {
         if let Some(known) = self.rows.iter().find(|row| row.case == *case) {
             return Ok(Some(known.clone()));
         }
-        let Some(row) = case.run(self.scene, self.yardstick, self.stop)? else { return Ok(None) };
+        let Some(row) = case.run(self.scene, self.reference_solution, self.cancel)? else { return Ok(None) };
         (self.seen)(&row);
         self.rows.push(row.clone());
         Ok(Some(row))
     }
 
-    /// Runs clouds at the scene's own pace, coarse ones first, until one is near enough: the factor on the scene's spacings of that one, and
-    /// of the next coarser; `None` if it was stopped.
+    /// Runs clouds at the scene's own pace, coarse ones first, until one is accurate enough. Returns the factor on
+    /// the scene's spacings of that one, and of the next coarser one; `None` if it was cancelled.
     fn first_near(&mut self, own: &Case) -> Result<Option<[Option<f64>; 2]>, StudyError> {
         let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
         let mut coarser = None;
@@ -213,7 +213,7 @@ impl Search<'_> {
             let (mut near, mut fits) = (false, false);
             for case in clouds(own.spaced(self.scene, factor)) {
                 let row = match self.run(&case) {
-                    // the scene's own spacing is near the coarsest that its sample takes
+                    // the scene's own spacing may be close to the coarsest that its sample allows
                     Err(StudyError::Scene(_)) if factor > 1.0 => continue,
                     row => row?,
                 };
@@ -229,7 +229,7 @@ impl Search<'_> {
         Ok(Some([None, coarser]))
     }
 
-    /// Everything in one dimension; `None` if it was stopped.
+    /// The whole search in one dimension; `None` if it was cancelled.
     fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
         let Some([near, coarser]) = self.first_near(own)? else { return Ok(None) };
         if let Some(factor) = near {
@@ -254,7 +254,8 @@ impl Search<'_> {
         Ok(Some(()))
     }
 
-    /// The cheapest per step of those that are near enough at the scene's own pace; the nearest if none is, since more steps may do.
+    /// Of the cases that are accurate enough at the scene's own pace, those cheapest per step; the nearest if there
+    /// are none, since more steps may suffice.
     fn finalists(&self, dimension: &str) -> Vec<Case> {
         let own = || self.rows.iter().filter(|row| row.case.dimension == dimension);
         let mut best: Vec<&Row> = own().filter(|row| self.goal.near(row)).collect();
@@ -268,7 +269,7 @@ impl Search<'_> {
         best.into_iter().take(FINALISTS).map(|row| row.case.clone()).collect()
     }
 
-    /// Tries few steps per pose first, until force and stability are right or the pose too late.
+    /// Tries few steps per pose first, until force and stability are good or the pose takes too long.
     fn fewest_steps(&mut self, case: &Case) -> Result<Option<()>, StudyError> {
         for steps in STEPS {
             let Some(row) = self.run(&Case { steps: Steps::Fixed(steps), ..case.clone() })? else { return Ok(None) };
@@ -279,7 +280,7 @@ impl Search<'_> {
         Ok(Some(()))
     }
 
-    /// The cheapest row that meets both and whose stability table holds.
+    /// The cheapest row that meets both requirements and whose stability table holds.
     fn best(&mut self) -> Result<Option<Row>, StudyError> {
         for row in self.meeting(|row| matches!(row.case.steps, Steps::Fixed(_))) {
             if self.is_stable(&row.case)? {
@@ -289,7 +290,7 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Those rows that meet both, cheap ones first.
+    /// The rows that meet both requirements, cheapest first.
     fn meeting(&self, counts: impl Fn(&Row) -> bool) -> Vec<Row> {
         let meets = |row: &&Row| counts(row) && self.goal.near(row) && self.goal.in_time(row);
         let mut meeting: Vec<Row> = self.rows.iter().filter(meets).cloned().collect();
@@ -297,28 +298,26 @@ impl Search<'_> {
         meeting
     }
 
-    /// Whether the stability table holds over the whole motion, way out included, as `solve` goes it.
+    /// Whether the stability table holds over the whole motion, retraction included, as in `solve`.
     fn is_stable(&mut self, case: &Case) -> Result<bool, StudyError> {
         let scene = case.scene(self.scene)?;
         self.holds(&scene, case)
     }
 
-    /// The same of a scene that has the case's keys already.
+    /// The same for a scene that already has the case's keys.
     fn holds(&mut self, scene: &Scene, case: &Case) -> Result<bool, StudyError> {
         if let Some((_, known)) = self.stable.iter().find(|(of, _)| of == case) {
             return Ok(*known);
         }
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
-        let (mut twin, build_s) = compare::build(scene)?;
-        let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
-        let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-        let run = compare::drive(&mut twin, readings, None, collector, &mut Stop(self.stop));
+        let session = Session::new(scene, "tune", Keep::ANSWERS)?;
+        let run = session.run(Session::motion(&motion), &mut self.cancel.clone()).run;
         let holds = run.diverged.is_none() && run.unstable().is_empty();
         self.stable.push((case.clone(), holds));
         Ok(holds)
     }
 
-    /// What to say where nothing meets both.
+    /// The message if no case meets both requirements.
     fn nearest(&self) -> String {
         let told = |row: &Row| {
             format!(
@@ -349,7 +348,8 @@ fn error(row: &Row) -> f64 {
     row.max_force_error().unwrap_or(f64::INFINITY)
 }
 
-/// Clouds of one spacing: in space those with coarse surroundings, without support nodes that few points share and with them, beside the scene's own.
+/// Clouds with one spacing. In three dimensions: with coarse surroundings, without and with support nodes that few
+/// points share, and the scene's own.
 fn clouds(case: Case) -> Vec<Case> {
     if case.is_half_plane() || case.method == "tet4" {
         return vec![case];
@@ -359,7 +359,7 @@ fn clouds(case: Case) -> Vec<Case> {
     vec![around, all_nodes, case]
 }
 
-/// Other ways to discretise on the same cloud.
+/// Other discretisations on the same cloud.
 fn variants(case: &Case) -> Vec<Case> {
     let mut cases = vec![case.clone(), Case { points_per_cell: 4, ..case.clone() }];
     if case.method != "tet4" {

@@ -1,5 +1,5 @@
-//! The presets as they ship, and samples of several materials, at their own speed, against independent finite elements: force over
-//! depth, saw-tooth of the needle's force, displacement inside the tissue, balance of forces.
+//! Compares the shipped presets and samples of several materials, at their own speed, with independent finite
+//! elements: force over depth, ripple of the needle's force, displacement inside the tissue, balance of forces.
 
 use std::fmt::Write as _;
 
@@ -9,25 +9,24 @@ use super::accuracy::StudyError;
 use super::composites::{Composite, posed};
 use super::csv;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
-use super::yardstick::force_at;
+use super::reference_solution::force_at;
 use needle_core::instrument::surface::has_wall;
 use needle_core::scene::{Dimension, Override, Scene, Target};
-use needle_estimate::compare::{self, Answer, Collector, Keep, Run, Watch};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Answer, Keep, Run, Session, Watch};
 
-/// Half of the stretch over which the smooth curve of the saw-tooth is fitted, m: the layers of nodes along the needle
-/// preset's path are half as far apart.
+/// Half of the length over which the smooth curve for the ripple is fitted, m. The layers of nodes along the needle
+/// preset's path have half this distance.
 const SMOOTH_OVER_M: f64 = 2.5e-4;
 
-/// What the force is held to between two depths.
+/// Target of the force error between two depths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ForceTarget {
     scene: &'static str,
-    /// m
+    /// Smallest depth, m.
     from: f64,
-    /// m
+    /// Largest depth, m.
     to: f64,
-    /// Largest |relative error| in the half plane and in space.
+    /// Largest |relative error| in the half plane and in three dimensions.
     bound: [f64; 2],
 }
 
@@ -47,7 +46,7 @@ const FORCE_TARGETS: [ForceTarget; 10] = [
     force_target("inclusion_compression", 0.0, 2.5e-3, [0.01, 0.015]),
     force_target("membrane_indentation", 0.0, 2e-3, [0.02, 0.03]),
 ];
-/// The same of the targets of a sample of several materials, over the depth.
+/// The same for the displacements of a composite sample, over the depth.
 const COMPOSITE_DISPLACEMENT_TARGET: [f64; 2] = [0.01, 0.015];
 const SAW_TOOTH_FROM_M: f64 = 2e-3;
 const SAW_TOOTH_TARGET: f64 = 0.02;
@@ -57,11 +56,11 @@ const BALANCE_TARGET: f64 = 0.005;
 /// One depth of the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compared {
-    /// m
+    /// Depth, m.
     pub depth_m: f64,
-    /// N
+    /// Predicted force, N.
     pub predicted_n: f64,
-    /// N
+    /// Reference force, N.
     pub reference_n: f64,
 }
 
@@ -73,27 +72,27 @@ impl Compared {
     }
 }
 
-/// One scene against its reference.
+/// Comparison of one scene with its reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verification {
     /// Preset, or sample of several materials.
     pub scene: &'static str,
-    /// Whether it was a half plane.
+    /// Whether it is a half-plane model.
     half_plane: bool,
     /// The run.
     pub run: Run,
     /// Depths that the run reached.
     pub compared: Vec<Compared>,
-    /// Depths of the reference that it was to reach.
+    /// Number of the reference's depths that it should reach.
     pub asked: usize,
-    /// Largest distance between predicted and reference displacement over the depth, where there is a reference.
+    /// Largest distance between predicted and reference displacement over the depth, if there is a reference.
     pub displacement_error: Option<f64>,
 }
 
-/// A figure and what it is held to.
+/// A figure and its bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// What it is.
+    /// Name of the figure.
     pub what: String,
     /// The figure, relative.
     pub reached: f64,
@@ -110,9 +109,8 @@ impl Verdict {
 }
 
 impl Verification {
-    /// Runs a preset or a sample of several materials with some keys changed, on the present rayon pool, at its own speed and rate of
-    /// poses, to the last
-    /// depth of the reference or to `depth_m`.
+    /// Runs a preset or a sample of several materials with some keys changed, on the present rayon pool, at its own
+    /// speed and rate of poses. It ends at the last depth of the reference or at `depth_m`.
     ///
     /// # Errors
     /// [`StudyError`] if there is no reference, or no such scene. A run that ends early is a result, not an error.
@@ -137,7 +135,7 @@ impl Verification {
         let compared = table.iter().filter_map(|&(depth_m, reference_n)| {
             Some(Compared { depth_m, predicted_n: force_at(&path, depth_m)?, reference_n })
         });
-        // the reference of the displacements knows no wall
+        // the reference of the displacements has no wall contact
         let walled = scene.instrument.is_some_and(|i| has_wall(&i));
         let displacement_error = match composite {
             Some(composite) => composite_displacement_error(&run, composite, &scene),
@@ -153,7 +151,7 @@ impl Verification {
         })
     }
 
-    /// Every figure with its target.
+    /// Every figure with its bound.
     #[must_use]
     pub fn verdicts(&self) -> Vec<Verdict> {
         let mut verdicts: Vec<Verdict> = self.force_verdicts().collect();
@@ -195,14 +193,12 @@ impl Verification {
 
 fn drive(scene: &Scene, watch: &mut dyn Watch) -> Result<Run, StudyError> {
     let motion = scene.motion.ok_or_else(|| StudyError::NoReference(scene.name.clone()))?;
-    let (mut twin, build_s) = compare::build(scene)?;
-    let collector = Collector::new(&twin, "study verification", build_s, Keep::ANSWERS);
-    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-    Ok(compare::drive(&mut twin, readings, None, collector, watch))
+    let session = Session::new(scene, "study verification", Keep::ANSWERS)?;
+    Ok(session.run(Session::motion(&motion), watch).run)
 }
 
-/// Largest distance between the force and a smooth curve, over the force. The curve at a depth is the parabola that
-/// fits the forces nearby best.
+/// Largest distance between the force and a smooth curve, over the force: the ripple. The curve at a depth is the
+/// parabola that best fits the neighbouring forces.
 fn saw_tooth(answers: &[Answer]) -> f64 {
     let deepest = answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
     let inside = |a: &&Answer| a.depth_m >= SAW_TOOTH_FROM_M && a.depth_m <= deepest - SMOOTH_OVER_M;
@@ -230,7 +226,8 @@ fn displacement_error(run: &Run, height: f64) -> Option<f64> {
     Some(reference::displacement_error(&row.positions, height))
 }
 
-/// Largest distance of a target's height from the reference's, at any of its depths that the run reached, over that depth; `None` without.
+/// Largest distance of a target's height from the reference's, at the reference depths that the run reached, over
+/// that depth; `None` without a reference.
 fn composite_displacement_error(run: &Run, composite: &Composite, scene: &Scene) -> Option<f64> {
     let error = |(depth, up): &(f64, Vec<f64>)| {
         let row = run.targets.iter().find(|row| row.depth_m >= depth * (1.0 - 1e-6))?;
@@ -240,7 +237,7 @@ fn composite_displacement_error(run: &Run, composite: &Composite, scene: &Scene)
     composite.displacements().iter().filter_map(error).reduce(f64::max)
 }
 
-/// What people read: a line per depth, then a line per target.
+/// The printed table: a line per depth, then a line per target.
 #[must_use]
 pub fn table(verification: &Verification) -> String {
     let run = &verification.run;
@@ -322,7 +319,7 @@ mod tests {
         assert!(saw_tooth(&answers(smooth)) < 1e-3);
         let wave = |d: f64| 1.0 + 0.02 * (d * std::f64::consts::TAU / 2.5e-4).sin();
         let found = saw_tooth(&answers(|d| smooth(d) * wave(d)));
-        // the parabola takes a little of the wave with it, so the figure is rather too large
+        // the parabola follows the wave slightly, so the figure is somewhat too large
         assert!((0.019..0.026).contains(&found), "{found}");
     }
 }

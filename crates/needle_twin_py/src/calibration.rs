@@ -3,7 +3,7 @@
 use needle_core::scene::Scene;
 use needle_estimate::calibrate::{self as fitting, HoldOut, LoadCell, Task, Wanted};
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
-use needle_estimate::compare::{self, scale};
+use needle_estimate::compare::{Cancel, scale};
 use needle_estimate::layers::of_recording;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 
 use crate::error::{BuildError, CalibrationError, RecordingError, in_python};
 use crate::run::scene_of;
-use crate::watch::{Stop, detached};
+use crate::watch::detached;
 use crate::{array, recording, scene};
 
 /// What a calibration found, and how sure it is.
@@ -128,15 +128,15 @@ pub fn calibrate(
             part,
             table: None,
         };
-        let work = |stop: &mut Stop| -> PyResult<_> {
-            let built = compare::build(&scene);
-            let (twin, _) = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
+        let work = |cancel: &mut Cancel| -> PyResult<_> {
+            let built = needle_core::twin::Twin::new(&scene);
+            let twin = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
             if let Some(what) =
                 scale::mistaken(&twin, &readings, &measured, recorded.scene.as_deref()).filter(|_| !force)
             {
                 return Err(RecordingError::new_err(in_python(&what)));
             }
-            fitting::calibrate(&task, stop, &mut |_| {}).map_err(failed)
+            fitting::calibrate(&task, cancel, &mut |_| {}).map_err(failed)
         };
         let found = detached(py, threads, work)??;
         let other = predict.map(|other| predicted(py, &found, &scene, other, predict_scene, threads));
@@ -166,7 +166,8 @@ fn predicted(
         };
         let recorded = other.recording.aligned(&scene);
         let (readings, measured) = (recorded.readings(other.pose_wanted), recorded.measured());
-        let work = |stop: &mut Stop| fitting::predict(found, &scene, &readings, &measured, &recorded.source, stop);
+        let work =
+            |cancel: &mut Cancel| fitting::predict(found, &scene, &readings, &measured, &recorded.source, cancel);
         detached(py, threads, work)?.map_err(failed)
     })
 }

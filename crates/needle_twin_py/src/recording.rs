@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use crate::array;
 use crate::error::{RecordingError, in_python};
 
-/// A recording: the instrument's place and the measured force over time, from a rosbag2 folder, an .mcap file, or tables as text (CSV, TSV).
+/// A recording: the instrument's place and the measured force over time, from a rosbag2 folder, an .mcap file, or tables (CSV, TSV, .xlsx, .npy, .npz).
 ///
 /// `paths`: one path, or two where position and force are tables of their own. The options are those of the command line's `replay`: topics of a bag
 /// or columns of a table (a header's text, or a number from 1), their units, and -1 for a sign that is the other way round. What isn't
@@ -27,8 +27,8 @@ pub struct Recording {
 impl Recording {
     #[new]
     #[pyo3(signature = (paths, *, position = None, position_unit = None, position_sign = 1, force = None, force_unit = None,
-        force_sign = 1, time = Texts::default(), time_unit = None, rate_hz = None, time_offset_s = 0.0, pose_columns = None,
-        marker_columns = Texts::default(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None,
+        force_sign = 1, force_zero = None, time = Texts::default(), time_unit = None, rate_hz = None, time_offset_s = 0.0, pose_columns = None,
+        marker_columns = Texts::default(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None, sheet = None,
         measured_cp = None, joint = "insertion", frame_id = "sample"))]
     #[allow(clippy::too_many_arguments)] // keywords, one for each option of the command line
     fn new(
@@ -39,6 +39,7 @@ impl Recording {
         force: Option<String>,
         force_unit: Option<String>,
         force_sign: i32,
+        force_zero: Option<Zero>,
         time: Texts,
         time_unit: Option<String>,
         rate_hz: Option<f64>,
@@ -50,6 +51,7 @@ impl Recording {
         decimal_comma: Option<bool>,
         header_line: Option<usize>,
         comment: Option<String>,
+        sheet: Option<String>,
         measured_cp: Option<String>,
         joint: &str,
         frame_id: &str,
@@ -63,7 +65,17 @@ impl Recording {
                 ..TopicNames::default()
             },
             position: quantity("position", position, position_unit, position_sign)?,
-            force: quantity("force", force, force_unit, force_sign)?,
+            force: Quantity {
+                zero: if let Some(Zero::One(zero)) = force_zero { finite("force_zero", zero)? } else { 0.0 },
+                ..quantity("force", force, force_unit, force_sign)?
+            },
+            force_zeros: match force_zero {
+                Some(Zero::Three(zeros)) => {
+                    zeros.iter().try_for_each(|zero| finite("force_zero", *zero).map(drop))?;
+                    Some(zeros)
+                }
+                _ => None,
+            },
             time_offset_s,
             time: time.0,
             time_unit: time_unit.into_iter().collect(),
@@ -71,7 +83,7 @@ impl Recording {
             pose: pose_columns,
             markers: marker_columns.0,
             gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
-            layout: TableLayout { separator, decimal_comma, header_line, comment, block: None },
+            layout: TableLayout { separator, decimal_comma, header_line, comment, block: None, sheet },
             ..Selection::default()
         };
         Self::open(&files(paths)?, &selection, pose_wanted)
@@ -185,6 +197,13 @@ impl<'py> FromPyObject<'_, 'py> for Texts {
     }
 }
 
+/// What a load cell reads without load: one number, or x, y and z.
+#[derive(FromPyObject)]
+enum Zero {
+    One(f64),
+    Three([f64; 3]),
+}
+
 /// One path or several.
 fn files(paths: &Bound<'_, PyAny>) -> PyResult<Vec<PathBuf>> {
     let several = paths.extract::<PathBuf>().map(|one| vec![one]);
@@ -198,6 +217,14 @@ fn quantity(name: &str, place: Option<String>, unit: Option<String>, sign: i32) 
         _ => return Err(PyValueError::new_err(format!("{name}_sign = {sign}: 1 or -1"))),
     };
     Ok(Quantity { place, unit, reversed, ..Quantity::default() })
+}
+
+fn finite(name: &str, number: f64) -> PyResult<f64> {
+    if number.is_finite() {
+        Ok(number)
+    } else {
+        Err(PyValueError::new_err(format!("{name} = {number}: a finite number")))
+    }
 }
 
 fn positive(name: &str, number: Option<f64>) -> PyResult<Option<f64>> {

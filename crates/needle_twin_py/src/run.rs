@@ -3,16 +3,16 @@
 use std::path::PathBuf;
 
 use needle_core::scene::Scene;
-use needle_estimate::compare::ensemble::{self, Answered, Band, Crew, Driven, Size};
-use needle_estimate::compare::{self, Collector, Keep, scale};
-use needle_recording::{At, ForceSeries, MarkerSample, Reading};
+use needle_estimate::compare::ensemble::{self, Band, Crew, Driven, Size};
+use needle_estimate::compare::{self, Cancel, Finished, Keep, Session, scale};
+use needle_recording::{At, ForceSeries, Reading};
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{self, BuildError, NeedleTwinError, RecordingError, SceneError, in_python};
-use crate::watch::{Stop, detached};
+use crate::watch::detached;
 use crate::{array, recording, scene};
 
 /// Scene of a recording that doesn't say which it was made for, as on the command line.
@@ -124,7 +124,7 @@ impl Run {
         self.run.diverged.as_deref()
     }
 
-    /// Writes metrics.json, force.csv, targets.csv, final.vtu, force.png, force.svg and report.html, as `--out` does, and returns their paths.
+    /// Writes metrics.json, force.csv, targets.csv, final.vtu, force.svg and report.html, as `--out` does, and returns their paths.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         let run = &self.run;
         let write = || needle_report::prepare(&folder).and_then(|()| needle_report::write_all(&folder, run));
@@ -177,8 +177,8 @@ pub fn solve(
     };
     let motion = scene.motion.ok_or_else(none)?;
     let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) }).collect();
-    let asked = Asked { threads, size: Size { members, seed }, command: "solve", sightings: Vec::new() };
-    drive(py, &scene, asked, readings, None, |_, _| Ok(()), |_| {})
+    let asked = Asked { threads, size: Size { members, seed }, command: "solve" };
+    drive(py, &scene, asked, readings, None, |_, _| Ok(()))
 }
 
 /// Runs a recording's motion through the twin, offline and deterministic, and compares with its load cell.
@@ -208,16 +208,8 @@ pub fn replay(
             let found = scale::mistaken(twin, readings, &measured, recorded.scene.as_deref());
             found.filter(|_| !force).map_or(Ok(()), |what| Err(RecordingError::new_err(in_python(&what))))
         };
-        let prepare = |collector: &mut Collector| {
-            recorded.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
-            measured.loss().into_iter().for_each(|loss| collector.lost(loss));
-            if !measured.is_empty() {
-                collector.measured_source(&recorded.source);
-            }
-        };
-        let asked =
-            Asked { threads, size: Size { members, seed }, command: "replay", sightings: recorded.markers.clone() };
-        drive(py, &scene, asked, readings, Some(&measured), look, prepare)
+        let asked = Asked { threads, size: Size { members, seed }, command: "replay" };
+        drive(py, &scene, asked, readings, Some((&recorded, &measured)), look)
     })
 }
 
@@ -240,8 +232,6 @@ struct Asked {
     /// No members: no ensemble.
     size: Size,
     command: &'static str,
-    /// Tracked points, for the members.
-    sightings: Vec<MarkerSample>,
 }
 
 /// What `needle_twin solve` and `replay` do: build, look at the readings, drive, collect, and run the members.
@@ -250,29 +240,27 @@ fn drive(
     scene: &Scene,
     asked: Asked,
     readings: Vec<Reading>,
-    measured: Option<&ForceSeries>,
+    recorded: Option<(&needle_recording::Recording, &ForceSeries)>,
     look: impl FnOnce(&needle_core::twin::Twin, &[Reading]) -> PyResult<()> + Send,
-    prepare: impl FnOnce(&mut Collector) + Send,
 ) -> PyResult<Run> {
     if readings.is_empty() {
         return Err(PyValueError::new_err("there is no reading of the instrument's place: nothing to run"));
     }
-    let Asked { threads, size, command, sightings } = asked;
+    let Asked { threads, size, command } = asked;
     let members = if size.members > 0 { ensemble::members(scene, size).map_err(error::ensemble)? } else { Vec::new() };
-    let work = |stop: &mut Stop| -> PyResult<compare::Run> {
-        let built = compare::build(scene);
-        let (mut twin, build_s) = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
-        look(&twin, &readings)?;
-        let duration_s = readings.first().zip(readings.last()).map(|(a, b)| b.time_s - a.time_s);
-        let keep = Keep { fields: true, duration_s, save_every_s: None };
-        let mut collector = Collector::new(&twin, command, build_s, keep);
-        prepare(&mut collector);
-        let flag = stop.0.clone();
-        let mut answered = Answered::new(stop);
-        let mut run = compare::drive(&mut twin, readings.iter().copied(), measured, collector, &mut answered);
+    let work = |cancel: &mut Cancel| -> PyResult<compare::Run> {
+        let session = Session::new(scene, command, Keep::fields_of(&readings));
+        let session = session.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
+        look(session.twin(), &readings)?;
+        let session = match recorded {
+            Some((recording, measured)) => session.of_recording(recording, measured),
+            None => session,
+        };
+        let Finished { mut run, answered, twin } = session.run(readings.iter().copied(), cancel);
         if !members.is_empty() {
-            let crew = Crew { threads: rayon::current_num_threads(), stop: Some(flag), done: &|| {} };
-            let driven = Driven { readings: &readings, at: &answered.at, sightings: &sightings, twin: Some(&twin) };
+            let crew = Crew { threads: rayon::current_num_threads(), cancel: cancel.clone(), done: &|| {} };
+            let sightings = recorded.map_or(&[][..], |(recording, _)| &recording.markers);
+            let driven = Driven { readings: &readings, at: &answered, sightings, twin: Some(&twin) };
             ensemble::add(&mut run, scene, &members, driven, size, &crew).map_err(error::ensemble)?;
         }
         Ok(run)

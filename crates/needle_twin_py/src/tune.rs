@@ -1,15 +1,16 @@
 //! A scene that is as coarse as a tolerance allows and as fast as a stream of poses asks.
 
 use needle_studies::accuracy::StudyError;
+use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self as tuning, Goal};
-use needle_studies::yardstick::Yardstick;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{BuildError, NeedleTwinError, in_python};
 use crate::scene;
-use crate::watch::{Stop, detached};
+use crate::watch::detached;
+use needle_estimate::compare::Cancel;
 
 /// Finds the coarsest cloud and the fewest steps with which a scene meets a tolerance and a rate of poses on this machine.
 ///
@@ -34,10 +35,9 @@ pub fn tune<'py>(
     }
     let scene = scene::Scene { scene: scene::of(scene)? }.changed(changes)?.scene;
     let motion = scene.motion.ok_or_else(|| failed(StudyError::NoMotion(scene.name.clone())))?;
-    let work = |stop: &mut Stop| -> Result<_, StudyError> {
-        let against = Yardstick::of(&scene, motion.depth.get())?;
-        let stopped = || needle_estimate::compare::Watch::stop(stop);
-        let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &mut |_| {}, &stopped)?;
+    let work = |cancel: &mut Cancel| -> Result<_, StudyError> {
+        let against = ReferenceSolution::of(&scene, motion.depth.get())?;
+        let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &mut |_| {}, cancel)?;
         Ok(tuned.map(|tuned| (tuned, against.source)))
     };
     let found = detached(py, threads, work)?.map_err(failed)?;

@@ -1,12 +1,10 @@
 //! Long work without Python's lock, with Ctrl-C heard.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use needle_estimate::compare::{Answer, Watch};
+use needle_estimate::compare::Cancel;
 use pyo3::prelude::*;
 
 use crate::error::NeedleTwinError;
@@ -14,36 +12,20 @@ use crate::error::NeedleTwinError;
 /// How often signals are looked at: seldom enough to cost nothing, often enough for a user who waits.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Ends a run once a signal's handler has raised.
-#[derive(Clone)]
-pub struct Stop(pub Arc<AtomicBool>);
-
-impl Watch for Stop {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-
-    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
-        Some(Arc::clone(&self.0))
-    }
-}
-
 /// Does long work in a pool of so many threads (0: one per core) without Python's lock. Only Python's main thread hears
 /// signals, so the caller's thread waits for them while another works.
 ///
 /// # Errors
 /// What a signal's handler raised (`KeyboardInterrupt`); the work has ended then, and its result is dropped.
-pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut Stop) -> T + Send) -> PyResult<T> {
+pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut Cancel) -> T + Send) -> PyResult<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| NeedleTwinError::new_err(format!("threads = {threads}: {e}; ask for fewer")))?;
-    let stop = Arc::new(AtomicBool::new(false));
+    let cancel = Cancel::default();
     py.detach(|| {
         thread::scope(|scope| {
             let (done, wait) = sync_channel::<()>(1);
             let worker = scope.spawn(|| {
-                let result = pool.install(|| work(&mut Stop(Arc::clone(&stop))));
+                let result = pool.install(|| work(&mut cancel.clone()));
                 drop(done);
                 result
             });
@@ -51,7 +33,9 @@ pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut 
             while wait.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 if raised.is_ok() {
                     raised = Python::attach(|py| py.check_signals());
-                    stop.store(raised.is_err(), Ordering::Relaxed);
+                    if raised.is_err() {
+                        cancel.cancel();
+                    }
                 }
             }
             let result: Result<T, _> = worker.join();

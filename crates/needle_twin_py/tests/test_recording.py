@@ -47,7 +47,7 @@ def test_a_replay_is_judged_and_written(table, tmp_path):
     assert right.metrics["verdict"]["explains"] == "yes", right.verdict
     assert np.nanmax(np.abs(right.measured_n - right.predicted_n)) < 0.02
     written = {path.name for path in right.save(tmp_path)}
-    assert {"metrics.json", "force.csv", "final.vtu", "report.html", "force.png"} <= written
+    assert {"metrics.json", "force.csv", "final.vtu", "report.html", "force.svg"} <= written
 
 
 def test_a_bag_names_its_scene(bag):

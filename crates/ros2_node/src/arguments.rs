@@ -1,8 +1,8 @@
-//! `--ros-args`: what every ROS 2 executable understands on its command line.
+//! `--ros-args`: the command line arguments of all ROS 2 executables.
 //!
-//! The rules are those of rcl: ROS arguments stand between `--ros-args` and `--` (or the end), several such
-//! blocks are allowed, and whatever is outside belongs to the program itself. What can't be honoured here is
-//! listed in [`RosArguments::ignored`], to be warned about by name.
+//! The rules are those of rcl. ROS arguments are between `--ros-args` and `--` (or the end), and there may be several
+//! such blocks. All other arguments belong to the program. Arguments that are not supported here are listed in
+//! [`RosArguments::ignored`], so that a warning can name them.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ use super::names::{self, NameError};
 use super::parameter_file::{self, YamlError};
 use ros2_client::ParameterValue;
 
-/// Why the ROS part of a command line can't be used. All of these are wrong usage (exit code 2).
+/// Why the ROS part of a command line is not valid. All of these are usage errors (exit code 2).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArgumentError {
@@ -24,12 +24,12 @@ pub enum ArgumentError {
         /// The argument with the bad bytes replaced.
         text: String,
     },
-    /// A flag has no value behind it.
+    /// A flag without a value.
     #[error("`{flag}` needs a value behind it, such as `{flag} {example}`")]
     MissingValue {
         /// The flag.
         flag: String,
-        /// A value that would be right.
+        /// An example of a valid value.
         example: &'static str,
     },
     /// Not a ROS argument.
@@ -37,9 +37,9 @@ pub enum ArgumentError {
         "`{argument}` is not a ROS argument; the program's own arguments go before `--ros-args` or behind `--`{hint}"
     )]
     Unknown {
-        /// What was found.
+        /// The argument.
         argument: String,
-        /// Nearest known argument, as `; did you mean ...?`, or empty.
+        /// Suggestion of the nearest known argument, as `; did you mean ...?`, or empty.
         hint: String,
     },
     /// A remap rule can't be read.
@@ -74,12 +74,12 @@ pub enum ArgumentError {
     /// A log level is unknown.
     #[error("log level `{level}` is unknown; use debug, info, warn, error or fatal, or `logger:=level`")]
     LogLevel {
-        /// What was found.
+        /// The text.
         level: String,
     },
 }
 
-/// What a remap rule applies to.
+/// Kind of a remap rule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RemapKind {
     /// `__node:=name` (or `__name:=name`).
@@ -99,22 +99,22 @@ pub enum RemapKind {
 pub struct Remap {
     /// Node that the rule is for; `None`: every node.
     pub node: Option<String>,
-    /// What is replaced.
+    /// The names that are replaced.
     pub kind: RemapKind,
-    /// What it is replaced by.
+    /// The new name.
     pub to: String,
 }
 
-/// One parameter that the command line (or a file named on it) sets.
+/// One parameter set on the command line (or in a file named on it).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterOverride {
     /// Fully qualified node name pattern: `/**` is every node, `*` is one token of a name.
     pub node_pattern: String,
     /// Name, dotted.
     pub name: String,
-    /// Value as YAML types it.
+    /// Value with its YAML type.
     pub value: ParameterValue,
-    /// Where it was said: `-p` or `file:line`.
+    /// Source of the value: `-p` or `file:line`.
     pub origin: String,
 }
 
@@ -134,9 +134,9 @@ pub struct LogArguments {
 /// The ROS part of a command line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RosArguments {
-    /// Rules in order; the first that matches wins.
+    /// Rules in order; the first match applies.
     pub remaps: Vec<Remap>,
-    /// Parameters in the order of the command line; later wins.
+    /// Parameters in the order of the command line; the last one applies.
     pub parameters: Vec<ParameterOverride>,
     /// Logging.
     pub log: LogArguments,
@@ -164,8 +164,8 @@ const FLAGS: &[&str] = &[
     "--disable-external-lib-logs",
 ];
 
-/// Splits a command line into the program's own arguments and the ROS ones. `arguments` has no program name.
-/// Parameter files are read here.
+/// Splits a command line into the program's own arguments and the ROS arguments. `arguments` does not include the
+/// program name. Parameter files are read here.
 ///
 /// # Errors
 /// [`ArgumentError`], which names the argument (and for a file its line).

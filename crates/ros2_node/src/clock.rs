@@ -1,36 +1,37 @@
 //! The node's time: the wall clock, or simulated time from `/clock`.
 //!
-//! ros2-client subscribes `/clock` under a type name that CycloneDDS does not match, so the node has a subscription of
-//! its own (`rosgraph_msgs/msg/Clock`) and never asks the crate for the time.
+//! ros2-client subscribes to `/clock` with a type name that CycloneDDS does not match. So the node has its own
+//! subscription (`rosgraph_msgs/msg/Clock`) and never uses the time of ros2-client.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
 
 pub use ros2_guarded::wall_nanos;
 use ros2_messages::builtin_interfaces::Time;
 
-/// A step back of so little is disorder: `ros2 bag play --clock` begins with one, and best-effort messages overtake each other.
+/// Largest step back that counts as disorder, ns. `ros2 bag play --clock` begins with one, and best-effort messages
+/// overtake each other.
 const DISORDER_NANOS: i64 = 100_000_000;
-/// So many in a row are none: a short bag is looped.
+/// This many messages in a row are not disorder but a looped short bag.
 const DISORDERED: u32 = 10;
 
 /// Time of a node, shared by its threads.
 #[derive(Debug, Default)]
 pub struct NodeClock {
     simulated: AtomicBool,
-    /// ns; 0: `/clock` has not said anything yet.
+    /// Simulated time, ns; 0 before the first `/clock` message.
     simulation_nanos: AtomicI64,
-    /// Messages in a row that were a little behind.
+    /// Number of consecutive messages that were slightly behind.
     behind: AtomicU32,
 }
 
-/// What a `/clock` message did.
+/// Effect of a `/clock` message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tick {
     /// The first time since the start.
     Started,
-    /// Time went on or stood still, or the message was out of order.
+    /// Time advanced or stayed, or the message was out of order.
     Forward,
-    /// Time went back by so many ns: a bag was looped or a simulator reset.
+    /// Time went back by this many ns: a bag was looped or a simulator reset.
     Back(i64),
 }
 
@@ -52,7 +53,7 @@ impl NodeClock {
         self.simulated.load(Ordering::Relaxed)
     }
 
-    /// Takes a `/clock` message; one thread does.
+    /// Takes a `/clock` message; only one thread may call this.
     pub fn tick(&self, time: Time) -> Tick {
         let now = time.nanos();
         let back = self.simulation_nanos.load(Ordering::Relaxed).saturating_sub(now);

@@ -1,5 +1,5 @@
-//! Publishers and subscriptions as the nodes use them: they never wait, count what fails, know who is on the other side,
-//! and hand what passes to the node's own recording.
+//! Publishers and subscriptions of the nodes. They never block, count failures and matched peers, and pass their
+//! messages to the node's own recording.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -12,11 +12,11 @@ use super::recorder::Tap;
 use ros2_guarded::{Delivery, Link, Mailbox, Unsent, cdr, publication, times_of};
 use ros2_messages::RosMessage;
 
-/// A publisher that knows how many subscriptions it has.
+/// A publisher that counts its subscriptions.
 pub struct Output<M: serde::Serialize> {
     pub(super) link: Arc<Link>,
     pub(super) endpoint: u16,
-    /// The last message goes to those who come later.
+    /// Whether late subscribers receive the last message.
     pub(super) latched: bool,
     pub(super) matched: Arc<AtomicUsize>,
     pub(super) topic: String,
@@ -26,13 +26,13 @@ pub struct Output<M: serde::Serialize> {
 }
 
 impl<M: serde::Serialize> Output<M> {
-    /// Whether anyone listens; the node's own recording does.
+    /// Whether there is a subscriber; the node's own recording counts as one.
     #[must_use]
     pub fn is_wanted(&self) -> bool {
         self.tap.is_some() || self.subscribers() > 0
     }
 
-    /// How many listen.
+    /// Number of subscribers.
     #[must_use]
     pub fn subscribers(&self) -> usize {
         self.matched.load(Ordering::Relaxed)
@@ -44,20 +44,20 @@ impl<M: serde::Serialize> Output<M> {
         &self.topic
     }
 
-    /// Messages that the middleware did not take, because a reliable reader is behind.
+    /// Number of messages that the middleware rejected because a reliable reader is behind.
     #[must_use]
     pub fn failed(&self) -> u64 {
         self.failed.load(Ordering::Relaxed)
     }
 
-    /// Publishes; never waits for a reader. False if the middleware did not take it.
+    /// Publishes without waiting for readers. Returns false if the middleware rejected the message.
     pub fn send(&self, message: M) -> bool {
         if let Some(tap) = &self.tap {
             tap.said(&message);
         }
         match self.link.send(publication(self.endpoint), self.latched, |bytes| cdr(bytes, &message)) {
             Ok(()) => return true,
-            // Nobody listens while the middleware process is replaced, and that is counted elsewhere.
+            // There are no subscribers while the middleware process is replaced; that is counted elsewhere.
             Err(Unsent::Apart) => {}
             Err(Unsent::Behind) => drop(self.failed.fetch_add(1, Ordering::Relaxed)),
             Err(Unsent::Unwritable(reason)) => {
@@ -70,7 +70,7 @@ impl<M: serde::Serialize> Output<M> {
     }
 }
 
-/// Messages that can't be read: the first is said, and one of a hundred thousand.
+/// Counts messages that can't be decoded. The first is reported, then one of a hundred thousand.
 #[derive(Debug, Default)]
 pub(super) struct Unreadable(AtomicU64);
 
@@ -86,7 +86,7 @@ impl Unreadable {
     }
 }
 
-/// A subscription that knows how many publishers it has.
+/// A subscription that counts its publishers.
 pub struct Input<M> {
     pub(super) mailbox: Mailbox,
     pub(super) matched: Arc<AtomicUsize>,
@@ -99,7 +99,7 @@ pub struct Input<M> {
 }
 
 impl<M: RosMessage + 'static> Input<M> {
-    /// What it listens to and what it has found, for people.
+    /// Its topic and matched publishers, for messages.
     #[must_use]
     pub fn wish(&self) -> Wish {
         Wish {
@@ -116,7 +116,7 @@ impl<M: RosMessage + 'static> Input<M> {
         &self.topic
     }
 
-    /// Next message that has arrived. One that can't be decoded is reported and skipped.
+    /// Next message that has arrived. A message that can't be decoded is reported and skipped.
     pub fn take(&self) -> Option<M> {
         self.take_timed().map(|(message, _)| message)
     }
@@ -126,7 +126,7 @@ impl<M: RosMessage + 'static> Input<M> {
         std::iter::from_fn(|| self.mailbox.take()).find_map(|delivery| self.read(&delivery))
     }
 
-    /// The message with its times; the recording gets it. One that can't be decoded is reported.
+    /// Decodes a message with its times and passes it to the recording. A message that can't be decoded is reported.
     fn read(&self, delivery: &Delivery) -> Option<(M, [i64; 2])> {
         let decoded = if delivery.big_endian {
             cdr_encoding::from_bytes::<M, BigEndian>(&delivery.body)
@@ -148,18 +148,18 @@ impl<M: RosMessage + 'static> Input<M> {
         }
     }
 
-    /// How many publish.
+    /// Number of publishers.
     #[must_use]
     pub fn publishers(&self) -> usize {
         self.matched.load(Ordering::Relaxed)
     }
 
-    /// Waits for the next message. One that can't be decoded is reported and skipped.
+    /// Waits for the next message. A message that can't be decoded is reported and skipped.
     pub async fn next(&self) -> M {
         self.next_from().await.0
     }
 
-    /// As [`Input::next`], with where it comes from.
+    /// As [`Input::next`], with the message's origin.
     pub async fn next_from(&self) -> (M, Origin) {
         loop {
             let delivery = self.mailbox.next().await;
@@ -169,27 +169,27 @@ impl<M: RosMessage + 'static> Input<M> {
         }
     }
 
-    /// As [`Input::take`], with where it comes from.
+    /// As [`Input::take`], with the message's origin.
     pub fn take_from(&self) -> Option<(M, Origin)> {
         std::iter::from_fn(|| self.mailbox.take())
             .find_map(|delivery| Some((self.read(&delivery)?.0, Origin::of(&delivery))))
     }
 }
 
-/// What an input listens to.
+/// The subscription of an input.
 #[derive(Clone, Debug)]
 pub struct Wish {
     /// Fully qualified name.
     pub topic: String,
     /// `sensor_msgs/msg/JointState`.
     pub type_name: &'static str,
-    /// QoS in words.
+    /// Description of the QoS.
     pub qos: String,
     matched: Arc<AtomicUsize>,
 }
 
 impl Wish {
-    /// Publishers that are matched.
+    /// Number of matched publishers.
     #[must_use]
     pub fn publishers(&self) -> usize {
         self.matched.load(Ordering::Relaxed)

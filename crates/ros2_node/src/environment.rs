@@ -1,18 +1,19 @@
-//! Environment variables that a ROS 2 program honours. The only place of the crate that reads them.
+//! Environment variables of a ROS 2 program. The crate reads environment variables only here.
 //!
-//! By default the programs use the loopback only, since DDS has no authentication. `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
+//! By default the programs use the loopback only, since DDS has no authentication.
+//! `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
 
 use std::path::PathBuf;
 
 use ros2_client::ServiceMapping;
 use ros2_guarded::ZenohSession;
 
-/// ROS 2's middleware over Zenoh.
+/// Name of ROS 2's middleware for Zenoh.
 const ZENOH: &str = "rmw_zenoh_cpp";
 
 const OWN_DDS: &str = "the programs bring their own DDS";
 
-/// Variables that mean something to other ROS 2 programs, and why not to these.
+/// Variables of other ROS 2 programs that have no effect here, with the reason.
 const WITHOUT_EFFECT: [(&str, &str); 6] = [
     ("ROS_STATIC_PEERS", "peers are found by multicast, and on this machine"),
     ("ROS_DISCOVERY_SERVER", OWN_DDS),
@@ -22,7 +23,7 @@ const WITHOUT_EFFECT: [(&str, &str); 6] = [
     ("RCUTILS_LOGGING_BUFFERED_STREAM", "every line of the log is written at once"),
 ];
 
-/// Why the environment can't be used.
+/// Why the environment is not valid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{variable}={value}: {reason}")]
 pub struct EnvironmentError {
@@ -30,34 +31,34 @@ pub struct EnvironmentError {
     pub variable: &'static str,
     /// Its value.
     pub value: String,
-    /// What is wrong, and what would be right.
+    /// What is wrong, and what would be valid.
     pub reason: &'static str,
 }
 
-/// Who may hear and be heard.
+/// Range of communication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
     /// This machine only.
     Localhost,
-    /// Every network that the machine is on.
+    /// All networks of the machine.
     Subnet,
 }
 
-/// What the environment says.
+/// Settings from the environment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     /// `ROS_DOMAIN_ID`.
     pub domain: u16,
     /// `ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
     pub reach: Reach,
-    /// How services are mapped to DDS, from `RMW_IMPLEMENTATION` (the middleware of the peers).
+    /// Mapping of services to DDS, from `RMW_IMPLEMENTATION` (the middleware of the peers).
     pub mapping: ServiceMapping,
-    /// `RMW_IMPLEMENTATION=rmw_zenoh_cpp`: over Zenoh instead of DDS, with `ZENOH_SESSION_CONFIG_URI`, `ZENOH_CONFIG_OVERRIDE` and
-    /// `ZENOH_ROUTER_CHECK_ATTEMPTS`.
+    /// For `RMW_IMPLEMENTATION=rmw_zenoh_cpp`: settings for Zenoh instead of DDS, with `ZENOH_SESSION_CONFIG_URI`,
+    /// `ZENOH_CONFIG_OVERRIDE` and `ZENOH_ROUTER_CHECK_ATTEMPTS`.
     pub zenoh: Option<ZenohSession>,
-    /// `ROS_LOG_DIR`: folder of a file with the log.
+    /// `ROS_LOG_DIR`: folder of the log file.
     pub log_folder: Option<PathBuf>,
-    /// What can't be honoured or is doubtful; to be printed once.
+    /// Warnings about settings that are not supported or doubtful; to be printed once.
     pub warnings: Vec<String>,
 }
 
@@ -65,7 +66,7 @@ impl Environment {
     /// Reads the process's environment.
     ///
     /// # Errors
-    /// [`EnvironmentError`] naming the variable whose value can't be used.
+    /// [`EnvironmentError`] naming the variable whose value is not valid.
     pub fn read() -> Result<Self, EnvironmentError> {
         Self::from_lookup(|name| std::env::var(name).ok().filter(|value| !value.is_empty()))
     }
@@ -73,7 +74,7 @@ impl Environment {
     /// Reads any set of variables.
     ///
     /// # Errors
-    /// [`EnvironmentError`] naming the variable whose value can't be used.
+    /// [`EnvironmentError`] naming the variable whose value is not valid.
     pub fn from_lookup(lookup: impl Fn(&'static str) -> Option<String>) -> Result<Self, EnvironmentError> {
         let mut warnings = Vec::new();
         let domain = domain(&lookup, &mut warnings)?;
@@ -102,14 +103,14 @@ impl Environment {
     }
 }
 
-/// A domain in which no participant lives on this machine at present.
+/// A domain without a participant on this machine at present.
 #[must_use]
 pub fn free_domain() -> Option<u16> {
     let nanos = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |t| t.subsec_nanos());
     let start = (nanos ^ std::process::id()).wrapping_mul(2_654_435_761) >> 16;
     (0..100_u32)
         .map(|i| 1 + ((start + i) % 100) as u16)
-        // The first participant of a domain listens here (RTPS: 7400 + 250 domain + 10).
+        // The first participant of a domain listens on this port (RTPS: 7400 + 250 domain + 10).
         .find(|domain| std::net::UdpSocket::bind(("0.0.0.0", 7410 + 250 * domain)).is_ok())
 }
 
@@ -133,7 +134,7 @@ fn domain(
 
 fn reach(lookup: &impl Fn(&'static str) -> Option<String>, warnings: &mut Vec<String>) -> Reach {
     if let Some(text) = lookup("ROS_LOCALHOST_ONLY") {
-        // Deprecated since Iron, and yet it prevails if it is 1.
+        // Deprecated since Iron, but it takes precedence if it is 1.
         if text == "1" {
             return Reach::Localhost;
         }
@@ -182,7 +183,7 @@ fn mapping(lookup: &impl Fn(&'static str) -> Option<String>, warnings: &mut Vec<
     }
 }
 
-/// Over Zenoh, if it is asked for and built in.
+/// Settings for Zenoh, if it is requested and compiled in.
 fn zenoh(lookup: &impl Fn(&'static str) -> Option<String>) -> Result<Option<ZenohSession>, EnvironmentError> {
     const CHECKS: &str = "ZENOH_ROUTER_CHECK_ATTEMPTS";
     if !cfg!(feature = "zenoh") || lookup("RMW_IMPLEMENTATION").as_deref() != Some(ZENOH) {

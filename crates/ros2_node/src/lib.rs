@@ -1,10 +1,10 @@
-//! What rcl gives a node, for programs over `ros2-client`.
+//! The functions of rcl for nodes based on `ros2-client`.
 //!
-//! [`arguments`], [`environment`], [`names`], [`parameters`], [`qos`], [`clock`], [`lifecycle`] and [`logging`] are what every ROS 2
-//! program does; [`participant`] is the network, over the guarded middleware process of `ros2_guarded`; [`recorder`] records what
-//! the node sends and hears into a bag. [`mod@start`] puts them together.
+//! [`arguments`], [`environment`], [`names`], [`parameters`], [`qos`], [`clock`], [`lifecycle`] and [`logging`] are
+//! what every ROS 2 program has. [`participant`] is the network, through the guarded middleware process of
+//! `ros2_guarded`. [`recorder`] records what the node sends and receives into a bag. [`mod@start`] combines them.
 //!
-//! A program that takes this crate calls [`ros2_guarded::serve`] first of all in `main`.
+//! A program that uses this crate calls [`ros2_guarded::serve`] first of all in `main`.
 #![forbid(unsafe_code)]
 
 pub mod arguments;

@@ -1,30 +1,30 @@
-//! The states of a managed node and the ways between them, as rcl_lifecycle has them.
+//! The states of a managed node and their transitions, as in rcl_lifecycle.
 //!
-//! No services and no sockets: `lifecycle_services` puts this on the network.
+//! This module has no services and sockets; `lifecycle_services` offers it on the network.
 
 use ros2_messages::lifecycle_msgs as msgs;
 
-/// State of a managed node, with the number of `lifecycle_msgs/msg/State`.
+/// State of a managed node, with the number in `lifecycle_msgs/msg/State`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
     /// Nothing is built.
     Unconfigured = 1,
-    /// Built, and silent.
+    /// Built, without output.
     Inactive = 2,
-    /// At work.
+    /// Active.
     Active = 3,
-    /// The end.
+    /// Final state.
     Finalized = 4,
-    /// On the way to inactive.
+    /// In transition to inactive.
     Configuring = 10,
-    /// On the way back to unconfigured.
+    /// In transition to unconfigured.
     CleaningUp = 11,
-    /// On the way to finalized.
+    /// In transition to finalized.
     ShuttingDown = 12,
-    /// On the way to active.
+    /// In transition to active.
     Activating = 13,
-    /// On the way back to inactive.
+    /// In transition back to inactive.
     Deactivating = 14,
     /// After an error in a transition.
     ErrorProcessing = 15,
@@ -45,7 +45,7 @@ impl State {
         Self::ErrorProcessing,
     ];
 
-    /// Name as `ros2 lifecycle get` shows it.
+    /// Name in `ros2 lifecycle get`.
     #[must_use]
     pub const fn label(self) -> &'static str {
         match self {
@@ -69,31 +69,31 @@ impl State {
     }
 }
 
-/// What a manager can ask for.
+/// A change that a manager can request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
     /// Build.
     Configure,
-    /// Forget what was built.
+    /// Release what was built.
     Cleanup,
-    /// Start to work.
+    /// Start working.
     Activate,
-    /// Stop to work.
+    /// Stop working.
     Deactivate,
-    /// End for good.
+    /// End permanently.
     Shutdown,
 }
 
-/// A way from one state to another.
+/// A transition between two states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transition {
-    /// Number of `lifecycle_msgs/msg/Transition`.
+    /// Number in `lifecycle_msgs/msg/Transition`.
     pub id: u8,
     /// Its name.
     pub label: &'static str,
-    /// From here.
+    /// Start state.
     pub start: State,
-    /// To there.
+    /// Goal state.
     pub goal: State,
 }
 
@@ -163,7 +163,8 @@ pub fn from(state: State) -> impl Iterator<Item = Transition> {
     TRANSITIONS.into_iter().filter(move |t| t.start == state)
 }
 
-/// What a request means in a state; its name counts if it has one, else its number. `None`: no such way from here.
+/// The transition and change that a request means in a state. The request's name is used if it has one, otherwise its
+/// number. `None`: there is no such transition from this state.
 #[must_use]
 pub fn requested(state: State, asked: &msgs::Transition) -> Option<(Transition, Change)> {
     let fits = |t: &Transition| if asked.label.is_empty() { t.id == asked.id } else { t.label == asked.label };
@@ -178,7 +179,7 @@ pub fn requested(state: State, asked: &msgs::Transition) -> Option<(Transition, 
     Some((transition, change))
 }
 
-/// How a transition that is under way ends.
+/// The transition that ends an active transition.
 #[must_use]
 pub fn ended(state: State, success: bool) -> Option<Transition> {
     from(state).find(|t| t.label == if success { SUCCESS } else { FAILURE })

@@ -12,12 +12,12 @@ use ros2_messages::lifecycle_msgs::{
 
 const PACKAGE: &str = "lifecycle_msgs";
 
-/// What became of a change.
+/// Outcome of a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It is done.
+    /// It is complete.
     Done,
-    /// It goes on; [`LifecycleServices::finish`] says how it ends.
+    /// It continues; [`LifecycleServices::finish`] reports its end.
     UnderWay,
 }
 
@@ -30,12 +30,12 @@ pub struct LifecycleServices {
     graph: Service<AskRequest, GetAvailableTransitionsResponse>,
     events: Output<TransitionEvent>,
     state: State,
-    /// Who waits for the end of the transition that is under way.
+    /// The caller that waits for the end of the active transition.
     waiting: Option<Caller>,
 }
 
 impl LifecycleServices {
-    /// Makes the endpoints; the node is unconfigured.
+    /// Creates the endpoints; the node is unconfigured.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -58,7 +58,7 @@ impl LifecycleServices {
         self.state
     }
 
-    /// Answers what has been asked; `act` does what a change needs.
+    /// Answers the pending requests; `act` performs the changes.
     pub fn poll(&mut self, clock: &NodeClock, act: &mut dyn FnMut(Change) -> Outcome) {
         let state = self.state;
         self.get_state.answer(|_| GetStateResponse { current_state: state.message() });
@@ -75,7 +75,7 @@ impl LifecycleServices {
         }
     }
 
-    /// Makes a change of the node's own accord.
+    /// Makes a change on the node's own initiative.
     pub fn change(&mut self, label: &str, clock: &NodeClock, act: &mut dyn FnMut(Change) -> Outcome) {
         self.begin(&TransitionMessage { id: 0, label: label.to_owned() }, None, clock, act);
     }
@@ -105,7 +105,7 @@ impl LifecycleServices {
         }
     }
 
-    /// Ends the transition that is under way and answers who asked for it.
+    /// Ends the active transition and answers its caller.
     pub fn finish(&mut self, success: bool, clock: &NodeClock) {
         let Some(end) = lifecycle::ended(self.state, success) else { return };
         self.go(end, clock);

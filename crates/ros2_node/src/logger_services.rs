@@ -1,4 +1,4 @@
-//! `~/get_logger_levels` and `~/set_logger_levels`, as nodes of rclcpp with `enable_logger_service` have them.
+//! `~/get_logger_levels` and `~/set_logger_levels`, as in rclcpp nodes with `enable_logger_service`.
 
 use ros2_messages::logger_levels::{
     GetLoggerLevelsRequest, LoggerLevel, LoggerLevels, SetLoggerLevelsResponse, SetLoggerLevelsResult,
@@ -10,14 +10,14 @@ use super::participant::{Participant, ParticipantError};
 use super::service::Service;
 use super::start::LOGGER_SERVICE;
 
-/// The servers. [`LoggerServices::poll`] them some times per second.
+/// The servers. Call [`LoggerServices::poll`] several times per second.
 pub struct LoggerServices {
     get: Service<GetLoggerLevelsRequest, LoggerLevels>,
     set: Service<LoggerLevels, SetLoggerLevelsResponse>,
 }
 
 impl LoggerServices {
-    /// Makes both servers of a node whose parameters ask for them.
+    /// Creates both servers for a node whose parameters enable them.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -31,14 +31,14 @@ impl LoggerServices {
         }))
     }
 
-    /// Answers what has been asked.
+    /// Answers the pending requests.
     pub fn poll(&self) {
         self.get.answer(|q| LoggerLevels { levels: q.names.into_iter().map(known).collect() });
         self.set.answer(|q| SetLoggerLevelsResponse { results: q.levels.iter().map(set).collect() });
     }
 }
 
-/// The level that was set, 0 where none was.
+/// The level that was set, 0 if none was.
 fn known(name: String) -> LoggerLevel {
     LoggerLevel { level: logging::level(&name).map_or(0, |level| level as u32), name }
 }

@@ -1,7 +1,8 @@
 //! The node's log: console lines in ROS 2's format, and `/rosout`.
 //!
-//! Library code logs with `tracing`; the layer here formats, filters by `--log-level`, and hands own messages to the
-//! thread that publishes `/rosout` over a bounded channel, so that no log line can hold up a step.
+//! Library code logs with `tracing`. The layer here formats the lines and filters them by `--log-level`. It passes
+//! the node's own lines to the thread that publishes `/rosout`, over a bounded channel, so that logging never delays
+//! a step.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -21,7 +22,7 @@ use super::arguments::LogArguments;
 
 pub use ros2_guarded::Throttle;
 
-/// Severity as ROS 2 numbers it.
+/// Severity with ROS 2's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// 10.
@@ -37,7 +38,7 @@ pub enum Severity {
 }
 
 impl Severity {
-    /// Reads `debug`, `INFO`, ...
+    /// Parses `debug`, `INFO`, ...
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         Some(match text.to_ascii_lowercase().as_str() {
@@ -85,11 +86,13 @@ pub struct Record {
     pub line: u32,
 }
 
-/// Lines that `/rosout` lost because the publishing thread was behind.
+/// Number of lines that `/rosout` lost because the publishing thread was behind.
 pub static ROSOUT_DROPPED: AtomicU64 = AtomicU64::new(0);
 
 struct RosLayer {
     name: String,
+    /// Crate of the program.
+    program: &'static str,
     level: Severity,
     loggers: Vec<(String, Severity)>,
     console: Option<Console>,
@@ -97,7 +100,7 @@ struct RosLayer {
     rosout: Option<Sender<Record>>,
 }
 
-/// Levels that were set while the node runs; they prevail over those of the command line.
+/// Levels that were set at run time; they take precedence over those of the command line.
 static LEVELS: RwLock<Vec<(String, Severity)>> = RwLock::new(Vec::new());
 
 /// Sets the level of a logger.
@@ -116,7 +119,7 @@ pub fn level(logger: &str) -> Option<Severity> {
     levels.iter().find(|(name, _)| name == logger).map(|(_, level)| *level)
 }
 
-/// `NAME_PROCESS_MILLISECONDS.log`, as the programs of ROS 2 name theirs.
+/// `NAME_PROCESS_MILLISECONDS.log`, as for other ROS 2 programs.
 fn open(folder: &Path, name: &str) -> std::io::Result<File> {
     std::fs::create_dir_all(folder)?;
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
@@ -129,10 +132,10 @@ struct Console {
     stdout: bool,
 }
 
-/// Installs the process's log for a node and returns the lines meant for `/rosout`. Only the first call of a process
-/// has an effect on the console. With a folder every line goes into a file there too.
+/// Installs the process's log for a node and returns the lines for `/rosout`. Only the first call in a process
+/// affects the console. With a folder, every line is also written to a file there.
 #[must_use]
-pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
+pub fn install(node: &str, program: &'static str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
     static INSTALLED: OnceLock<()> = OnceLock::new();
     let (sender, receiver) = crossbeam_channel::bounded(256);
     if INSTALLED.set(()).is_ok() {
@@ -142,13 +145,14 @@ pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> R
         let unwritten = file.as_ref().err().cloned();
         let layer = RosLayer {
             name,
+            program,
             file: file.ok().flatten().map(Mutex::new),
             level: arguments.level.unwrap_or(Severity::Info),
             loggers: arguments.loggers.clone(),
             console: arguments.stdout.unwrap_or(true).then(Console::from_environment),
             rosout: arguments.rosout.unwrap_or(true).then_some(sender),
         };
-        // Fails only if somebody else installed a subscriber first: then his stands.
+        // Fails only if the application has installed a subscriber before; then that one stays.
         let _ = tracing_subscriber::registry().with(layer).try_init();
         if let Some(reason) = unwritten {
             tracing::warn!("no log file can be written in ROS_LOG_DIR, {reason}");
@@ -157,7 +161,7 @@ pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> R
     receiver
 }
 
-/// `/or1/twin` as loggers are called: `or1.twin`.
+/// The logger name of a node: `or1.twin` for `/or1/twin`.
 #[must_use]
 pub fn logger_name(node: &str) -> String {
     node.trim_start_matches('/').replace('/', ".")
@@ -182,7 +186,7 @@ impl Console {
 
     fn print(&self, name: &str, record: &Record) {
         let line = self.line(name, record);
-        // A closed pipe must not end a node.
+        // A closed pipe must not end the node.
         if self.stdout {
             let _ = writeln!(std::io::stdout().lock(), "{line}");
         } else {
@@ -219,7 +223,7 @@ impl Console {
     }
 }
 
-/// `2026-01-31 13:05:09.042` on this machine's clock.
+/// `2026-01-31 13:05:09.042` in local time.
 fn local_time(wall_nanos: i64) -> String {
     chrono::DateTime::from_timestamp_nanos(wall_nanos)
         .with_timezone(&chrono::Local)
@@ -227,19 +231,20 @@ fn local_time(wall_nanos: i64) -> String {
         .to_string()
 }
 
-/// Whether a line is the node's own and not of a library that it is built on.
-fn is_own(target: &str) -> bool {
-    const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
-    OWN.contains(&target.split("::").next().unwrap_or_default())
-}
-
 impl RosLayer {
-    /// Lowest severity that a target may speak with.
+    /// Whether a line is the node's own, and not that of a library.
+    fn is_own(&self, target: &str) -> bool {
+        const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
+        let of = target.split("::").next().unwrap_or_default();
+        of == self.program || OWN.contains(&of)
+    }
+
+    /// Lowest severity that is logged for a target.
     fn threshold(&self, target: &str) -> Severity {
-        // A logger's level holds for what is below it: `or1` for `or1.twin`.
+        // A logger's level applies to its descendants: `or1` to `or1.twin`.
         let set = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
         let own = |l: &str| self.name.strip_prefix(l).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-        let is_own = is_own(target);
+        let is_own = self.is_own(target);
         let fits = |l: &str| target.starts_with(l) || (is_own && own(l));
         if let Some((_, level)) = set.iter().rev().chain(self.loggers.iter().rev()).find(|(l, _)| fits(l)) {
             return *level;
@@ -247,10 +252,10 @@ impl RosLayer {
         if is_own {
             return self.level;
         }
-        // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
-        // ("No locators for RtpsReaderProxy"), every malformed packet gives one, and leaving gives two, on a busy machine
-        // one more per endpoint ("Cannot remove Reader"). None is anything that a user can act on; what can't be made is
-        // returned as an error, and a flood of malformed packets is said in one line.
+        // RustDDS logs a lot. A loopback without multicast alone gives 30 errors per second ("No locators for
+        // RtpsReaderProxy"). Every malformed packet gives one. Shutdown gives two, and under high load one more per
+        // endpoint ("Cannot remove Reader"). The user can act on none of them. Failures to create an endpoint are
+        // returned as errors, and a flood of malformed packets is reported in one line.
         const NOISE: [&str; 4] = ["rustdds::rtps", "rustdds::network", "rustdds::discovery", "rustdds::dds::pubsub"];
         if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
     }
@@ -261,7 +266,7 @@ struct Text(String);
 
 impl Visit for Text {
     fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
-        // Events of the `log` crate carry their place as fields.
+        // Events of the `log` crate have their location as fields.
         if field.name() == "message" {
             let _ = write!(self.0, "{value:?}");
         } else if !field.name().starts_with("log.") {
@@ -294,11 +299,12 @@ impl<S: Subscriber> Layer<S> for RosLayer {
             let Record { severity, wall_nanos: t, message, .. } = &record;
             let (word, s, ns) = (severity.word(), t / 1_000_000_000, t % 1_000_000_000);
             let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-            // A full disk must not end a node.
+            // A full disk must not end the node.
             let _ = writeln!(file, "[{word}] [{s}.{ns:09}] [{}]: {message}", self.name);
         }
-        // Only own lines: publishing makes the middleware log, which would publish again.
-        if is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err()) {
+        // Only the node's own lines: publishing makes the middleware log, which would publish again.
+        if self.is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err())
+        {
             ROSOUT_DROPPED.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -333,13 +339,14 @@ mod tests {
     fn levels_per_logger() {
         let layer = |loggers: &[(&str, Severity)]| RosLayer {
             name: "or1.twin".to_owned(),
+            program: "their_program",
             level: Severity::Info,
             loggers: loggers.iter().map(|(l, s)| ((*l).to_owned(), *s)).collect(),
             console: None,
             file: None,
             rosout: None,
         };
-        let own = concat!(env!("CARGO_CRATE_NAME"), "::ros::twin_node");
+        let own = "their_program::their_node";
         assert_eq!(layer(&[]).threshold(own), Severity::Info);
         assert_eq!(layer(&[("or1", Severity::Debug)]).threshold(own), Severity::Debug);
         assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Warn);
@@ -347,7 +354,7 @@ mod tests {
         assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::dds::participant"), Severity::Error);
         assert_eq!(layer(&[("rustdds", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Debug);
         assert_eq!(layer(&[]).threshold("rustdds::rtps"), Severity::Fatal);
-        // set while the node runs: the last word
+        // set at run time: it takes precedence
         set_level("or1.twin", Severity::Error);
         assert_eq!((level("or1.twin"), level("or1")), (Some(Severity::Error), None));
         assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Error);

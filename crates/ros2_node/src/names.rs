@@ -1,7 +1,7 @@
 //! Names of nodes, topics and services: relative, private, absolute, in a namespace, remapped.
 //!
-//! Every name that the program uses is expanded here to a fully qualified one (`/or1/twin/reset`) before it
-//! reaches the middleware, which knows neither `~` nor remapping.
+//! Every name in the program is expanded here to a fully qualified one (`/or1/twin/reset`). The middleware supports
+//! neither `~` nor remapping.
 
 use super::arguments::{Remap, RemapKind, RosArguments};
 
@@ -19,7 +19,7 @@ fn error(name: &str, reason: &'static str) -> NameError {
     NameError { name: name.to_owned(), reason }
 }
 
-/// Checks one token of a name, as a node's name is.
+/// Checks one token of a name, such as a node's name.
 ///
 /// # Errors
 /// [`NameError`] if it is empty, starts with a digit or has a character other than letters, digits and `_`.
@@ -67,7 +67,7 @@ pub fn check_name(name: &str) -> Result<(), NameError> {
     body.split('/').try_for_each(|token| check_token(token).map_err(|e| error(name, e.reason)))
 }
 
-/// Topic or service: remap rules can tell them apart.
+/// Kind of an endpoint, for remap rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Endpoint {
     /// A topic.
@@ -76,7 +76,7 @@ pub enum Endpoint {
     Service,
 }
 
-/// A node's own name with the rules that rename what it uses.
+/// The node's own name, and the remap rules for the names that it uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names {
     namespace: String,
@@ -118,10 +118,10 @@ impl Names {
         join(&self.namespace, &self.node)
     }
 
-    /// The fully qualified name of a topic or service that the program calls `name`, after remapping.
+    /// The fully qualified name of a topic or service with the program's `name`, after remapping.
     ///
     /// # Errors
-    /// [`NameError`] if `name`, or what it is remapped to, is not a name.
+    /// [`NameError`] if `name`, or its replacement, is not a valid name.
     pub fn resolve(&self, name: &str, endpoint: Endpoint) -> Result<String, NameError> {
         let expanded = self.expand(name)?;
         for rule in &self.remaps {
@@ -156,7 +156,7 @@ fn join(namespace: &str, name: &str) -> String {
     if namespace == "/" { format!("/{name}") } else { format!("{namespace}/{name}") }
 }
 
-/// Whether a parameter file's node pattern (`/**`, `/*/twin`, `/or1/twin`) means this node.
+/// Whether a parameter file's node pattern (`/**`, `/*/twin`, `/or1/twin`) matches this node.
 #[must_use]
 pub fn pattern_matches(pattern: &str, fully_qualified: &str) -> bool {
     fn tokens(text: &str) -> Vec<&str> {

@@ -1,4 +1,4 @@
-//! Who sent a message and when it came, and one publisher of a measurement at a time.
+//! Origin of a message, and selection of one publisher of a measurement at a time.
 
 use std::time::{Duration, Instant};
 
@@ -7,18 +7,18 @@ use ros2_guarded::{Delivery, publisher_of, times_of};
 
 use super::clock::wall_nanos;
 
-/// Where a message comes from.
+/// Origin of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
-    /// Its writer.
+    /// Its publisher.
     pub publisher: Guid,
-    /// When the middleware process received it. What lay in the queue of a process that was frozen came when it came, not when it
-    /// is taken out.
+    /// Time at which the middleware process received it. A message in the queue of a suspended process keeps this
+    /// time; it is not the time at which it is taken out.
     pub received: Instant,
 }
 
 impl Origin {
-    /// Of a message that is taken now.
+    /// Origin of a message that is taken now.
     #[must_use]
     pub fn of(delivery: &Delivery) -> Self {
         let [received_nanos, _] = times_of(&delivery.stamp);
@@ -29,7 +29,7 @@ impl Origin {
     }
 }
 
-/// Follows one source until it has been silent for a time: two sensors of one needle would make it jump.
+/// Follows one source until it has been silent for a time: alternating between two sensors would make a needle jump.
 #[derive(Clone, Copy, Debug)]
 pub struct Followed<S> {
     followed: Option<(S, Instant)>,
@@ -43,7 +43,8 @@ impl<S> Default for Followed<S> {
 }
 
 impl<S: Copy + PartialEq> Followed<S> {
-    /// Whether a message of `source` is taken; the first source is, the others once that is silent for `timeout`.
+    /// Whether a message of `source` is accepted. The first source is followed; another one is accepted only after
+    /// the first has been silent for `timeout`.
     pub fn takes(&mut self, source: S, now: Instant, timeout: Duration) -> bool {
         let taken = self
             .followed
@@ -57,7 +58,7 @@ impl<S: Copy + PartialEq> Followed<S> {
         self.followed.map(|(source, _)| source)
     }
 
-    /// Another source, if one has spoken within `timeout`.
+    /// Another source, if it has sent a message within `timeout`.
     pub fn other(&self, now: Instant, timeout: Duration) -> Option<S> {
         self.other.filter(|(_, heard)| now.saturating_duration_since(*heard) < timeout).map(|(source, _)| source)
     }

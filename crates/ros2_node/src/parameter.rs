@@ -1,5 +1,5 @@
-//! A parameter of a node as a typed handle: name, type, default, range and description stand in one constant, and the
-//! value is read by that constant. A mistyped name or type does not compile.
+//! Typed parameters of a node. One constant has the name, type, default, range and description, and the value is read
+//! with that constant. A mistyped name or type does not compile.
 
 use ros2_client::ParameterValue;
 
@@ -7,22 +7,22 @@ use super::parameters::{Check, Declaration, Range};
 
 /// A type that a parameter can have.
 pub trait Typed: Sized {
-    /// How a default is written in the code.
+    /// Type of the default in the source code.
     type Literal: Copy;
-    /// What a value must be beside its type, in words and as a check.
+    /// Constraints of a value in addition to its type, in words and as a check.
     const MUST: (&'static str, Option<Check>) = ("", None);
 
-    /// The default's value.
+    /// The default as a parameter value.
     fn value(literal: Self::Literal) -> ParameterValue;
 
-    /// The default as it is read.
+    /// The default as this type.
     fn literal(literal: Self::Literal) -> Self;
 
-    /// What a value holds, if it is of this type.
+    /// The content of a value, if it is of this type.
     fn of(value: &ParameterValue) -> Option<Self>;
 }
 
-/// Implements [`Typed`] for a type that one kind of value holds.
+/// Implements [`Typed`] for a type that corresponds to one kind of value.
 macro_rules! typed {
     ($type:ty, $literal:ty, $kind:ident, |$l:ident| $owned:expr) => {
         impl Typed for $type {
@@ -92,14 +92,14 @@ impl<T: Typed> Clone for Parameter<T> {
 }
 
 impl<T: Typed> Parameter<T> {
-    /// A parameter that may change while the node runs; one sentence says what it is, with its unit.
+    /// A parameter that may change at run time. The description is one sentence with the unit.
     #[must_use]
     pub const fn new(name: &'static str, default: T::Literal, description: &'static str) -> Self {
         let (constraints, check) = T::MUST;
         Self { name, default, description, range: Range::Any, constraints, check, read_only: false }
     }
 
-    /// The same, fixed once the node runs.
+    /// The same, read-only at run time.
     #[must_use]
     pub const fn fixed(self) -> Self {
         Self { read_only: true, ..self }
@@ -117,13 +117,13 @@ impl<T: Typed> Parameter<T> {
         self.name
     }
 
-    /// The value that it has if nobody says anything else.
+    /// The default value.
     #[must_use]
     pub fn default(&self) -> T {
         T::literal(self.default)
     }
 
-    /// As the node declares it.
+    /// The declaration for the node.
     #[must_use]
     pub fn declaration(&self) -> Declaration {
         Declaration {
@@ -154,7 +154,7 @@ impl Parameter<i64> {
     }
 }
 
-/// Constants that are parameters, and a function that declares all of them: none can be forgotten.
+/// Defines parameter constants, and a function that declares all of them, so that none is missing.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __parameters {

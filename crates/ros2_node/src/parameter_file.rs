@@ -1,4 +1,4 @@
-//! ROS 2 parameter files, and the typing of one value behind `-p name:=`.
+//! ROS 2 parameter files, and the types of values after `-p name:=`.
 //!
 //! ```yaml
 //! /**:                      # every node; also /or1/twin, /*/twin, twin
@@ -18,12 +18,12 @@ use serde_saphyr::Spanned;
 
 use super::arguments::ParameterOverride;
 
-/// Largest parameter file that is read, bytes.
+/// Size limit of parameter files, bytes.
 const MAX_BYTES: u64 = 4 << 20;
-/// Deepest nesting of names.
+/// Largest nesting depth of names.
 const MAX_DEPTH: usize = 16;
 
-/// Why a parameter file can't be used.
+/// Why a parameter file is not valid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum YamlError {
@@ -116,7 +116,7 @@ fn parse(text: &str) -> Result<Spanned<Yaml>, (u64, String)> {
         .map_err(|e| (e.location().map_or(0, |l| l.line()), e.to_string()))
 }
 
-/// The value of `-p name:=text`, typed as YAML.
+/// The value of `-p name:=text`, with its YAML type.
 ///
 /// # Errors
 /// What is wrong with it, in words.
@@ -136,7 +136,7 @@ pub fn read(path: &Path) -> Result<Vec<ParameterOverride>, YamlError> {
     let fail = |reason: String| YamlError::Read { path: path.to_owned(), reason };
     let file = std::fs::File::open(path).map_err(|e| fail(e.to_string()))?;
     let mut text = String::new();
-    // Not by what the system says of its size: a device has none, and no end.
+    // Does not rely on the size reported by the system: a device has none, and no end.
     file.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(|e| fail(e.to_string()))?;
     if text.len() as u64 > MAX_BYTES {
         return Err(fail(format!("a parameter file has at most {MAX_BYTES} bytes")));
@@ -167,7 +167,7 @@ pub fn from_text(text: &str, path: &Path) -> Result<Vec<ParameterOverride>, Yaml
 
 type Located<T> = Result<T, (u64, String)>;
 
-/// Namespaces may be nested (`or1:` and below it `twin:`) until `ros__parameters` is met.
+/// Namespaces may be nested (`or1:` and below it `twin:`) down to `ros__parameters`.
 fn walk_node(pattern: &str, node: &Spanned<Yaml>, depth: usize, found: &mut Vec<ParameterOverride>) -> Located<()> {
     let line = node.referenced.line();
     let Yaml::Map(entries) = &node.value else {
@@ -224,7 +224,7 @@ fn value(node: &Yaml) -> Result<ParameterValue, String> {
     }
 }
 
-/// ROS arrays have one type; integers among doubles count as doubles.
+/// ROS arrays have one type; integers in an array of doubles are converted to doubles.
 fn array(items: &[Spanned<Yaml>]) -> Result<ParameterValue, String> {
     let scalars: Vec<ParameterValue> = items
         .iter()

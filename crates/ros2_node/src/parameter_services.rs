@@ -1,6 +1,6 @@
-//! The six parameter services of every ROS 2 node, over [`Parameters`], and `/parameter_events`.
+//! The six parameter services of every ROS 2 node, for [`Parameters`], and `/parameter_events`.
 //!
-//! All six or none: with rmw_cyclonedds `ros2 param` waits for ever if one is missing.
+//! All six are needed: with rmw_cyclonedds, `ros2 param` waits forever if one is missing.
 
 use ros2_client::builtin_interfaces;
 use ros2_client::parameters::{ParameterDescriptor, ParameterValue, raw};
@@ -11,7 +11,7 @@ use super::parameters::{Parameters, shown};
 use super::participant::{Output, Participant, ParticipantError};
 use super::service::Service;
 
-/// The servers. [`ParameterServices::poll`] them some times per second.
+/// The servers. Call [`ParameterServices::poll`] several times per second.
 pub struct ParameterServices {
     get: Service<rcl::GetParametersRequest, rcl::GetParametersResponse>,
     types: Service<rcl::GetParameterTypesRequest, rcl::GetParameterTypesResponse>,
@@ -24,7 +24,7 @@ pub struct ParameterServices {
 }
 
 impl ParameterServices {
-    /// Makes the six servers of a node.
+    /// Creates the six servers of a node.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -45,7 +45,7 @@ impl ParameterServices {
         })
     }
 
-    /// Answers what has been asked; `changed` is called with every parameter that was set.
+    /// Answers the pending requests; `changed` is called with every parameter that was set.
     pub fn poll(&self, parameters: &Parameters, clock: &NodeClock, changed: &mut dyn FnMut(&str, &ParameterValue)) {
         self.get.answer(|q| rcl::GetParametersResponse {
             values: q.names.iter().map(|n| raw_value(parameters, n)).collect(),
@@ -111,7 +111,8 @@ fn raw_value(parameters: &Parameters, name: &str) -> raw::ParameterValue {
     parameters.by_name(name).unwrap_or(ParameterValue::NotSet).into()
 }
 
-/// Semantics of rclcpp: with no prefixes, names of fewer than `depth` dots (0: all); else names at or below a prefix.
+/// Semantics of rclcpp: without prefixes, names with fewer than `depth` dots (0: all); otherwise names at or below a
+/// prefix.
 fn list(parameters: &Parameters, prefixes: &[String], depth: u64) -> rcl::ListParametersResult {
     let shallow = |name: &str| depth == 0 || (name.matches('.').count() as u64) < depth;
     let wanted = |name: &str| {

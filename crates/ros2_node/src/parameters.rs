@@ -1,5 +1,5 @@
-//! Parameters of a node: declared with type, range, description and read-only flag, set at start from the command
-//! line and parameter files, and while running through the parameter services.
+//! Parameters of a node. They are declared with type, range, description and read-only flag. They are set at the
+//! start by the command line and parameter files, and at run time by the parameter services.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
@@ -11,22 +11,22 @@ use super::arguments::ParameterOverride;
 use super::names;
 use super::parameter::{Parameter, Typed};
 
-/// Why the parameters given at start can't be used. Always fatal: a misspelt parameter is a wrong experiment.
+/// Why the parameters given at the start are not valid. Always fatal: a misspelt parameter is a wrong experiment.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{origin}: parameter `{name}`: {reason}")]
 pub struct ParameterError {
-    /// Where it was said.
+    /// Source of the value.
     pub origin: String,
     /// Its name.
     pub name: String,
-    /// What is wrong and what would be right.
+    /// What is wrong, and what would be valid.
     pub reason: String,
 }
 
 /// Allowed values of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
-    /// Anything of the type.
+    /// Any value of the type.
     Any,
     /// Inclusive.
     Integer(i64, i64),
@@ -34,7 +34,7 @@ pub enum Range {
     Double(f64, f64),
 }
 
-/// Extra check of a value; the error says what would be right.
+/// Additional check of a value; the error states what would be valid.
 pub type Check = fn(&ParameterValue) -> Result<(), String>;
 
 /// A declared parameter.
@@ -48,16 +48,16 @@ pub struct Declaration {
     pub description: String,
     /// Allowed values.
     pub range: Range,
-    /// Constraints that a range can't say.
+    /// Constraints that a range can't express.
     pub constraints: String,
-    /// Fixed once the node runs.
+    /// Whether it is read-only at run time.
     pub read_only: bool,
-    /// Extra check.
+    /// Additional check.
     pub check: Option<Check>,
 }
 
 impl Declaration {
-    /// A parameter that may change while the node runs.
+    /// A parameter that may change at run time.
     #[must_use]
     pub fn new(name: &str, default: ParameterValue, range: Range, description: &str) -> Self {
         Self {
@@ -71,14 +71,14 @@ impl Declaration {
         }
     }
 
-    /// The same, fixed once the node runs.
+    /// The same, read-only at run time.
     #[must_use]
     pub fn fixed(mut self) -> Self {
         self.read_only = true;
         self
     }
 
-    /// With an extra check, described in words.
+    /// With an additional check, described in words.
     #[must_use]
     pub fn checked(mut self, constraints: &str, check: Check) -> Self {
         constraints.clone_into(&mut self.constraints);
@@ -86,10 +86,10 @@ impl Declaration {
         self
     }
 
-    /// The value as this parameter stores it (an integer is taken for a double), or what would be right.
+    /// The value converted to this parameter's type (an integer is accepted as a double).
     ///
     /// # Errors
-    /// The reason in words.
+    /// What would be valid, in words.
     pub fn accept(&self, value: &ParameterValue) -> Result<ParameterValue, String> {
         use ParameterValue as P;
         #[allow(clippy::cast_precision_loss)] // parameters are small numbers
@@ -154,7 +154,7 @@ fn default_empty(value: &ParameterValue) -> ParameterValue {
     }
 }
 
-/// The type in words.
+/// Name of the type.
 #[must_use]
 pub fn word(value: &ParameterValue) -> &'static str {
     match value.to_parameter_type() {
@@ -171,7 +171,7 @@ pub fn word(value: &ParameterValue) -> &'static str {
     }
 }
 
-/// The value as a person would write it.
+/// Readable form of the value.
 #[must_use]
 pub fn show(value: &ParameterValue) -> String {
     use ParameterValue as P;
@@ -197,8 +197,8 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Declares parameters and gives them the values that the command line has for this node; what is left over comes
-    /// back as warnings (a parameter file with wildcards may be meant for several nodes).
+    /// Declares parameters and sets the values that the command line gives for this node. Values without a declared
+    /// parameter are returned as warnings (a parameter file with wildcards may be meant for several nodes).
     ///
     /// # Errors
     /// [`ParameterError`] for an unknown name, a wrong type or a value out of range.
@@ -216,7 +216,7 @@ impl Parameters {
             if let Some(declaration) = declarations.get(&given.name) {
                 values.insert(given.name.clone(), declaration.accept(&given.value).map_err(fail)?);
             } else if super::qos::parse_override_name(&given.name).is_some() {
-                // Taken by the endpoint that it names; the participant says which ones nobody took.
+                // Used by the endpoint that it names; the participant reports the unused ones.
             } else if given.origin.starts_with("-p ") || !given.node_pattern.contains('*') {
                 return Err(fail(unknown(&given.name, declarations.keys())));
             } else {
@@ -231,7 +231,7 @@ impl Parameters {
         Ok((Self { declarations: RwLock::new(declarations), values: Mutex::new(values) }, warnings))
     }
 
-    /// Declares what is known only once the endpoints are made; the values are the defaults.
+    /// Declares parameters that are known only after the endpoints are made; the values are the defaults.
     pub(super) fn declare_more(&self, more: Vec<Declaration>) {
         self.lock().extend(more.iter().map(|d| (d.name.clone(), d.default.clone())));
         let mut declarations = self.declarations.write().unwrap_or_else(PoisonError::into_inner);
@@ -243,17 +243,17 @@ impl Parameters {
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<String, ParameterValue>> {
-        // A map of values has no state that a panic elsewhere could leave half done.
+        // A panic elsewhere can't leave a map of values in an inconsistent state.
         self.values.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The value of a parameter; its default for a node that does not declare it.
+    /// The value of a parameter; its default if the node does not declare it.
     #[must_use]
     pub fn get<T: Typed>(&self, parameter: Parameter<T>) -> T {
         self.lock().get(parameter.name()).and_then(T::of).unwrap_or_else(|| parameter.default())
     }
 
-    /// The value of a parameter by the name that a peer gives.
+    /// The value of a parameter by its name, as peers request it.
     #[must_use]
     pub fn by_name(&self, name: &str) -> Option<ParameterValue> {
         self.lock().get(name).cloned()
@@ -271,10 +271,10 @@ impl Parameters {
         self.declared().get(name).map(Declaration::descriptor)
     }
 
-    /// Sets several parameters of a running node, all or none; returns what they are now.
+    /// Sets several parameters at run time, all or none; returns their new values.
     ///
     /// # Errors
-    /// The name of the culprit and the reason.
+    /// The name of the rejected parameter and the reason.
     pub fn set(&self, changes: &[(String, ParameterValue)]) -> Result<Vec<(String, ParameterValue)>, (String, String)> {
         let declared = self.declared();
         let accepted: Vec<_> = changes
@@ -293,10 +293,10 @@ impl Parameters {
     }
 }
 
-/// Longest name that is compared with those that are known, and said again in a message, in characters.
+/// Longest name that is compared with the known names and repeated in a message, in characters.
 const LONGEST_NAME: usize = 200;
 
-/// A name as a message says it: a caller's may be as long as it likes.
+/// A name as shown in messages, truncated: a caller's name may be arbitrarily long.
 pub(super) fn shown(name: &str) -> String {
     match name.char_indices().nth(LONGEST_NAME) {
         None => name.to_owned(),
@@ -356,7 +356,7 @@ mod tests {
         }
     }
 
-    /// Comparing a megabyte with every known name would take minutes and hundreds of megabytes.
+    /// A comparison of a name of a megabyte with every known name would take minutes and hundreds of megabytes.
     #[test]
     fn a_name_of_any_length_is_refused_in_a_line() {
         let (p, _) = declare("").unwrap();

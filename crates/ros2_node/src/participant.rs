@@ -1,8 +1,8 @@
-//! A node's endpoints: they are wished for here, one after the other, and then made all at once by the middleware
+//! A node's endpoints. They are requested here one after the other, and then created together by the middleware
 //! process.
 //!
-//! Names come in as the program calls them and leave expanded and remapped; QoS comes in as the program wants it and
-//! leaves with the user's overrides.
+//! Names are those of the program; they are expanded and remapped here. QoS is that of the program; the user's
+//! overrides are applied here.
 
 use std::marker::PhantomData;
 use std::os::unix::net::UnixStream;
@@ -32,32 +32,32 @@ use ros2_messages::RosMessage;
 use ros2_messages::schema::{Schema, schema};
 use ros2_messages::type_hash;
 
-/// Messages that wait where the QoS keeps all.
+/// Queue length for a QoS that keeps all messages.
 const KEEP_ALL: usize = 4096;
 
-/// Why a node can't be put on the network.
+/// Why a node can't join the network.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParticipantError {
-    /// The middleware refused.
+    /// The middleware reported an error.
     #[error("{what}: {reason}")]
     Middleware {
-        /// What was to be made.
+        /// What was to be created.
         what: String,
-        /// What it said.
+        /// The error of the middleware.
         reason: String,
     },
-    /// A name is not one.
+    /// An invalid name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// A QoS override can't be used.
+    /// A QoS override is not valid.
     #[error("{origin}: parameter `{name}`: {reason}")]
     Qos {
-        /// Where it was said.
+        /// Source of the override.
         origin: String,
         /// Name of the override.
         name: String,
-        /// What would be right.
+        /// What would be valid.
         reason: String,
     },
 }
@@ -97,7 +97,7 @@ pub struct Participant {
 }
 
 impl Participant {
-    /// A node that is to join the domain of the environment; [`Participant::start`] does, after all endpoints.
+    /// A node for the domain of the environment. [`Participant::start`] joins it after all endpoints are requested.
     ///
     /// # Errors
     /// [`ParticipantError`] if the system has no sockets left.
@@ -138,12 +138,12 @@ impl Participant {
         })
     }
 
-    /// Records what the endpoints that are made from now on hear and say.
+    /// Records the messages of the endpoints that are requested from now on.
     pub fn set_recorder(&mut self, recorder: Option<Recorder>) {
         self.recorder = recorder;
     }
 
-    /// Starts the recording, if there is one; after all endpoints are made.
+    /// Starts the recording, if there is one; call it after all endpoints are made.
     ///
     /// # Errors
     /// [`NodeError`] if it can't be started.
@@ -151,17 +151,17 @@ impl Participant {
         self.recorder.take().map(Recorder::start).transpose()
     }
 
-    /// Runs another program than the present one as the middleware process; for programs that do not call
-    /// [`ros2_guarded::serve`]. It must be of the same version.
+    /// Uses another program than the present one as the middleware process; for programs that do not call
+    /// [`ros2_guarded::serve`]. It must have the same version.
     pub fn set_program(&mut self, program: impl Into<PathBuf>) {
         self.program = Some(program.into());
     }
 
-    /// Joins the domain and makes every endpoint, once. With `parameters`, the QoS of every endpoint shows as read-only
-    /// parameters, as rclcpp has it.
+    /// Joins the domain and creates every endpoint; to be called once. With `parameters`, the QoS of every endpoint
+    /// is shown as read-only parameters, as in rclcpp.
     ///
     /// # Errors
-    /// [`NodeError`] naming what can't be made, and why.
+    /// [`NodeError`] naming what can't be created, and why.
     pub fn start(&mut self, parameters: Option<&Parameters>) -> Result<(), NodeError> {
         let Some(woken) = self.woken.take() else { return Ok(()) };
         let declarations = std::mem::take(&mut self.declarations);
@@ -175,17 +175,17 @@ impl Participant {
         Ok(())
     }
 
-    /// How it goes with the middleware, once the node has started.
+    /// Health of the middleware, after the start of the node.
     pub fn health(&self) -> Arc<Health> {
         self.middleware.as_ref().map(|m| Arc::clone(m.health())).unwrap_or_default()
     }
 
-    /// The thread without which nothing is heard or said, once the node has started.
+    /// The thread that handles all messages, after the start of the node.
     pub fn thread(&self) -> Option<&JoinHandle<()>> {
         self.middleware.as_ref().and_then(Middleware::thread)
     }
 
-    /// Rings when a service is called, and when one that was called answers.
+    /// Rings when a service is called, and when a called service answers.
     pub fn bell(&self) -> Bell {
         self.link.bell.clone()
     }
@@ -196,12 +196,12 @@ impl Participant {
         &self.names
     }
 
-    /// Changes how services are mapped to DDS; before the first service is made.
+    /// Changes the mapping of services to DDS; to be called before the first service is made.
     pub fn set_mapping(&mut self, mapping: Mapping) {
         self.mapping = mapping;
     }
 
-    /// Makes a publisher of `name` (as the program calls it).
+    /// Creates a publisher; `name` is the program's name for the topic.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -209,7 +209,7 @@ impl Participant {
         self.publisher_of(name, &MessageTypeName::new(M::PACKAGE, M::NAME), schema(M::TYPE).as_ref(), profile)
     }
 
-    /// Makes a publisher with a type name that is known only at run time; without a schema it is not recorded.
+    /// Creates a publisher with a type name that is known only at run time; without a schema it is not recorded.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -224,7 +224,7 @@ impl Participant {
         let tap = self.tap(name, &topic, schema, &profile)?;
         self.declarations.extend(qos::declarations(&topic, Side::Publisher, &profile));
         let output = self.output(topic, type_name, &profile)?;
-        // a bag may have types of its own
+        // a bag may have its own types
         if let (Some(schema), Some(endpoint)) = (schema.filter(|s| !s.hash.is_empty()), self.plan.endpoints.last_mut())
         {
             endpoint.type_hash = Some(schema.hash.clone());
@@ -245,7 +245,7 @@ impl Participant {
         Ok(Output { link, endpoint, latched, matched, topic, failed, tap: None, messages: PhantomData })
     }
 
-    /// Makes a subscription to `name` (as the program calls it).
+    /// Creates a subscription; `name` is the program's name for the topic.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -283,7 +283,7 @@ impl Participant {
         recorder.tap(name, topic, schema, profile).map_err(|e| refuse(topic)(e.to_string()))
     }
 
-    /// Makes a service server of `name` (as the program calls it).
+    /// Creates a service server; `name` is the program's name for the service.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -303,7 +303,7 @@ impl Participant {
         Ok(Service::new(mailbox, Arc::clone(&self.link), endpoint, self.mapping, service, !self.plan.localhost))
     }
 
-    /// Makes a service client of `name` (as the program calls it).
+    /// Creates a service client; `name` is the program's name for the service.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -329,7 +329,7 @@ impl Participant {
     /// # Errors
     /// [`ParticipantError`].
     pub(super) fn parameter_events(&mut self) -> Result<Output<ParameterEvent>, ParticipantError> {
-        // Volatile as rclcpp's: RustDDS would send a late joiner all old events.
+        // Volatile as in rclcpp: RustDDS would send all old events to a late subscriber.
         let kind = MessageTypeName::new("rcl_interfaces", "ParameterEvent");
         self.output("/parameter_events".to_owned(), &kind, &qos::reliable(1000))
     }
@@ -363,7 +363,7 @@ impl Participant {
         Ok((topic, profile))
     }
 
-    /// Puts an endpoint on the list; its number is that of its inlet.
+    /// Adds an endpoint to the list of requests; its number is that of its inlet.
     fn wish(
         &mut self,
         role: Role,
@@ -386,7 +386,7 @@ impl Participant {
         Ok(number)
     }
 
-    /// Overrides of QoS that name no endpoint of this node.
+    /// QoS overrides that name no endpoint of this node.
     pub fn unused_qos_overrides(&self) -> impl Iterator<Item = &str> {
         self.overrides.iter().filter(|(_, used)| !used).map(|(o, _)| o.name.as_str())
     }

@@ -1,4 +1,4 @@
-//! Quality of service: what each topic asks for, and the overrides that rclcpp defines
+//! Quality of service: the profile of each topic, and the overrides defined by rclcpp
 //! (`qos_overrides./measured_js.subscription.reliability`).
 
 use std::time::Duration;
@@ -26,7 +26,7 @@ pub fn parse_override_name(name: &str) -> Option<(&str, Side, &str)> {
 /// Applies one override.
 ///
 /// # Errors
-/// What would be right, in words.
+/// What would be valid, in words.
 pub fn apply(profile: &mut QosProfile, policy: &str, value: &ParameterValue) -> Result<(), String> {
     use ParameterValue as P;
     match (policy, value) {
@@ -75,7 +75,7 @@ pub fn apply(profile: &mut QosProfile, policy: &str, value: &ParameterValue) -> 
     Ok(())
 }
 
-/// What rclcpp declares of an endpoint: its QoS as read-only parameters by the names of the overrides.
+/// The declarations of rclcpp for an endpoint: its QoS as read-only parameters with the names of the overrides.
 #[must_use]
 pub fn declarations(topic: &str, side: Side, profile: &QosProfile) -> Vec<Declaration> {
     let word = |text: &str| ParameterValue::String(text.to_owned());

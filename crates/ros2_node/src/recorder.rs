@@ -1,7 +1,7 @@
-//! Records what a node hears and says into a rosbag2 folder, from a thread of its own.
+//! Records the messages that a node receives and sends into a rosbag2 folder, in a separate thread.
 //!
-//! Who publishes or takes a message hands over its bytes and goes on: a slow or full disk costs messages of the
-//! recording, which are counted, and nothing else.
+//! A publisher or subscription passes on the bytes without waiting. If the disk is slow or full, the recording loses
+//! messages, which are counted; nothing else is affected.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -23,13 +23,13 @@ use ros2_messages::schema::Schema;
 use ros2_messages::to_cdr;
 use rosbag2_mcap::{BagWriter, Qos, TopicId, WriterOptions, Written};
 
-/// Messages that may wait for the disk.
+/// Largest number of messages in the queue to the disk.
 const WAITING_MESSAGES: usize = 16_384;
-/// Bytes that may wait for the disk.
+/// Largest number of bytes in the queue to the disk.
 const WAITING_BYTES: usize = 64 << 20;
-/// What is heard or said reaches the disk within this time.
+/// Longest time until a message reaches the disk.
 const FLUSH: Duration = Duration::from_secs(1);
-/// For viewers, large, and computable from `tissue_model` and `tissue_state`.
+/// Recorded only on request: for viewers, large, and computable from `tissue_model` and `tissue_state`.
 const NOT_UNASKED: [&str; 2] = ["tissue_points", "tissue_surface"];
 
 parameters! {
@@ -64,7 +64,7 @@ struct Backlog {
     lost: AtomicU64,
 }
 
-/// The place where one topic's messages are handed over.
+/// Accepts the messages of one topic.
 #[derive(Clone)]
 pub struct Tap {
     topic: TopicId,
@@ -73,13 +73,13 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// Hands over a message that the node says now.
+    /// Records a message that the node sends now.
     pub fn said<M: Serialize>(&self, message: &M) {
         let now = wall_nanos();
         self.put(message, now, now);
     }
 
-    /// Hands over a message that was heard; times in ns since 1970.
+    /// Records a message that was received; times in ns since 1970.
     pub fn heard<M: Serialize>(&self, message: &M, [received, sent]: [i64; 2]) {
         self.put(message, received, sent);
     }
@@ -89,7 +89,7 @@ impl Tap {
         let room = self.backlog.bytes.load(Ordering::Relaxed) < WAITING_BYTES;
         let taken = room
             && to_cdr(message).is_ok_and(|bytes| {
-                // Counted before the other side can count it off.
+                // Counted before the writing thread can subtract it.
                 let size = bytes.len();
                 self.backlog.bytes.fetch_add(size, Ordering::Relaxed);
                 let entry = Entry::Message { topic: self.topic, log_ns: ns(log), publish_ns: ns(publish), bytes };
@@ -103,7 +103,7 @@ impl Tap {
     }
 }
 
-/// A recording that is being prepared: topics can be added.
+/// A recording in preparation: topics can be added.
 pub struct Recorder {
     writer: BagWriter,
     topics: Vec<String>,
@@ -113,7 +113,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Makes the folder that the parameter `record` names, if it names one.
+    /// Creates the folder in the parameter `record`, if it is set.
     ///
     /// # Errors
     /// [`NodeError::Other`] if it exists and is not empty, or can't be written.
@@ -134,10 +134,10 @@ impl Recorder {
         Ok(Some(Self { writer, topics, sender, entries, backlog: Arc::default() }))
     }
 
-    /// The tap of a topic that is to be recorded. `name` is what the program calls it, `topic` its full name.
+    /// The tap of a topic that is to be recorded. `name` is the program's name, and `topic` the full name.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The error of the file system.
     pub(super) fn tap(
         &mut self,
         name: &str,
@@ -158,10 +158,10 @@ impl Recorder {
         Ok(Some(Tap { topic, sender: self.sender.clone(), backlog: Arc::clone(&self.backlog) }))
     }
 
-    /// Starts to write.
+    /// Starts writing.
     ///
     /// # Errors
-    /// [`NodeError::Other`] if there is no thread left.
+    /// [`NodeError::Other`] if no thread can be started.
     pub fn start(self) -> Result<Recording, NodeError> {
         let Self { writer, sender, entries, backlog, .. } = self;
         tracing::info!("recording into {}", writer.folder().display());
@@ -171,7 +171,7 @@ impl Recorder {
     }
 }
 
-/// The profile as a bag says it.
+/// The profile in the format of a bag.
 fn recorded(profile: &QosProfile) -> Qos {
     let depth = match profile.history {
         History::KeepLast { depth } => u32::try_from(depth).unwrap_or(u32::MAX),
@@ -201,7 +201,7 @@ fn spawn_writer(
     })?)
 }
 
-/// Writes until told to stop, then closes the bag. A failure is said once, and the node goes on.
+/// Writes until it is stopped, then closes the bag. A failure is reported once, and the node continues.
 fn write_all(mut writer: BagWriter, entries: &Receiver<Entry>, backlog: &Backlog) -> Result<Written, String> {
     let mut unsaved = false;
     loop {
@@ -222,7 +222,7 @@ fn write_all(mut writer: BagWriter, entries: &Receiver<Entry>, backlog: &Backlog
     writer.finish().map_err(|e| e.to_string())
 }
 
-/// A recording that is under way.
+/// An active recording.
 pub struct Recording {
     sender: SyncSender<Entry>,
     backlog: Arc<Backlog>,
@@ -230,10 +230,10 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Writes what is waiting, closes the bag, and says how many messages are not in it.
+    /// Writes the queued messages, closes the bag, and returns the number of lost messages.
     #[must_use]
     pub fn finish(self) -> u64 {
-        // Fails only when the thread has ended.
+        // Fails only if the thread has ended.
         let _ = self.sender.send(Entry::Stop);
         ros2_guarded::threads::join(self.thread);
         let lost = self.backlog.lost.load(Ordering::Relaxed);

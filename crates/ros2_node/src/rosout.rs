@@ -7,7 +7,7 @@ use ros2_client::log::Log;
 use super::logging::Record;
 use super::participant::{Output, Participant, ParticipantError};
 
-/// The lines that wait to be published, and the name of who says them.
+/// The lines to be published, and the logger's name.
 pub struct Rosout {
     lines: Receiver<Record>,
     logger: String,
@@ -21,7 +21,7 @@ impl Rosout {
         Self { lines, logger, output: None }
     }
 
-    /// Makes the publisher.
+    /// Creates the publisher.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -30,7 +30,7 @@ impl Rosout {
         Ok(())
     }
 
-    /// Publishes the lines that have come.
+    /// Publishes the queued lines.
     pub fn publish(&self) {
         let Some(output) = &self.output else { return };
         while let Ok(record) = self.lines.try_recv() {

@@ -1,9 +1,9 @@
-//! Service servers that answer callers on different middlewares at the same time.
+//! Service servers that answer callers with different middlewares at the same time.
 //!
-//! The DDS-based middlewares of ROS 2 agree on the topics of a service and not on how a request is told from another:
-//! rmw_fastrtps sends the caller's identity beside the message (inline QoS), rmw_cyclonedds in front of it, in 16 bytes.
-//! A server here reads the bytes of a request and answers in the manner in which it was asked; whose manner it is stands
-//! in the first two bytes of the caller's GUID, which name its DDS implementation.
+//! The DDS-based middlewares of ROS 2 use the same topics for a service but identify requests differently.
+//! rmw_fastrtps sends the caller's identity as metadata of the message (inline QoS). rmw_cyclonedds puts it in front
+//! of the message, in 16 bytes. A server here reads the bytes of a request and answers in the caller's format. The
+//! first two bytes of the caller's GUID determine the format: they name its DDS implementation.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -16,34 +16,34 @@ use super::environment::Environment;
 use super::logging::Throttle;
 use ros2_guarded::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr};
 
-/// RTPS's number for Eclipse Cyclone DDS.
+/// RTPS vendor id of Eclipse Cyclone DDS.
 const VENDOR_CYCLONE: [u8; 2] = [0x01, 0x10];
-/// RTPS's number for RustDDS, whose programs choose their mapping themselves.
+/// RTPS vendor id of RustDDS, whose programs choose their mapping.
 const VENDOR_RUSTDDS: [u8; 2] = [0x01, 0x12];
-/// Identity and number of a request, as rmw_cyclonedds puts it in front of the message.
+/// Size of the identity and number of a request in front of the message, as in rmw_cyclonedds.
 const CYCLONE_HEADER: usize = 16;
-/// Longest silence about calls that can't be read.
+/// Shortest interval between two reports of calls that can't be read.
 const COMPLAINTS: std::time::Duration = std::time::Duration::from_secs(10);
 
-/// Which mapping a server speaks.
+/// Mapping of a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
-    /// Each caller's own; the second is for those that can't be told apart by their DDS implementation.
+    /// That of each caller. The given one is used for callers that can't be identified by their DDS implementation.
     OfCaller(ServiceMapping),
-    /// One for all.
+    /// One mapping for all callers.
     Fixed(ServiceMapping),
-    /// Zenoh's: the identity goes beside the message, and a message of any length is whole.
+    /// Zenoh's: the identity is metadata of the message, and messages of any length stay in one piece.
     Zenoh,
 }
 
 impl Mapping {
-    /// What the environment asks for.
+    /// The mapping that the environment requests.
     #[must_use]
     pub const fn of_environment(environment: &Environment) -> Self {
         if environment.zenoh.is_some() { Self::Zenoh } else { Self::OfCaller(environment.mapping) }
     }
 
-    /// For the node's own calls.
+    /// The mapping of the node's own calls.
     #[must_use]
     pub const fn own(self) -> ServiceMapping {
         match self {
@@ -63,7 +63,7 @@ impl Mapping {
         }
     }
 
-    /// For the line that a node prints at its start.
+    /// Description for the line that a node prints at its start.
     #[must_use]
     pub const fn describe(self) -> &'static str {
         match self {
@@ -75,22 +75,23 @@ impl Mapping {
     }
 }
 
-/// Who asked; an answer goes back with it.
+/// The caller of a request; the answer is sent to it.
 #[derive(Clone, Debug)]
 pub struct Caller {
     id: Stamp,
-    /// What stood in front of the request, and must stand in front of the answer.
+    /// Bytes in front of the request, which must also precede the answer.
     header: Vec<u8>,
 }
 
-/// Longest call, bytes.
+/// Largest call, bytes.
 const LONGEST_CALL: usize = 60_000;
-/// Longest answer to a caller whose identity stands in front of it, bytes.
+/// Largest answer to a caller whose identity is in front of it, bytes.
 const LONGEST_ANSWER: usize = 1_000_000;
-/// Longest answer to others, bytes: what goes into one UDP packet on this machine. What is cut into fragments is malformed for other
-/// implementations of DDS, since RustDDS writes a byte too many in front of the identity beside it.
+/// Largest answer to other callers on this machine, bytes: it must fit one UDP packet. RustDDS writes a byte too many
+/// in front of the identity in the metadata of fragmented messages. So other implementations of DDS reject these as
+/// malformed.
 const LONGEST_WHOLE: usize = 60_000;
-/// The same to another machine: an Ethernet packet less the headers.
+/// The same to another machine: an Ethernet packet minus the headers.
 const LONGEST_ON_A_CARD: usize = 1368;
 
 /// A service server.
@@ -119,12 +120,12 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         Self { mailbox, link, endpoint, mapping, name, open, complaints, types: PhantomData }
     }
 
-    /// The next request that has come. One that can't be read is reported and skipped.
+    /// The next request that has arrived. A request that can't be read is reported and skipped.
     pub fn take(&self) -> Option<(Caller, Q)> {
         std::iter::from_fn(|| self.mailbox.take()).find_map(|delivery| self.read(&delivery))
     }
 
-    /// Waits for the next request. One that can't be read is reported and skipped.
+    /// Waits for the next request. A request that can't be read is reported and skipped.
     pub async fn next(&self) -> (Caller, Q) {
         loop {
             let delivery = self.mailbox.next().await;
@@ -171,7 +172,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         let longest = if whole { LONGEST_ANSWER } else { LONGEST_WHOLE };
         let sent = self.link.send(head, false, |bytes| {
             bytes.extend(&caller.header);
-            // The header's 16 bytes keep the alignment of what follows.
+            // The 16 bytes of the header keep the alignment of the data after it.
             let before = bytes.len();
             cdr(bytes, response)?;
             bytes_sent = bytes.len() - before;
@@ -197,7 +198,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         }
     }
 
-    /// Answers every request that has come.
+    /// Answers all requests that have arrived.
     pub fn answer(&self, mut respond: impl FnMut(Q) -> R) {
         while let Some((caller, request)) = self.take() {
             self.send(caller, &respond(request));
@@ -205,7 +206,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
     }
 }
 
-/// A caller of a service.
+/// A client of a service.
 pub struct Client<Q, R> {
     mailbox: Mailbox,
     link: Arc<Link>,
@@ -218,13 +219,13 @@ impl<Q: Serialize, R: DeserializeOwned> Client<Q, R> {
         Self { mailbox, link, endpoint, types: PhantomData }
     }
 
-    /// Asks; false if the middleware did not take it.
+    /// Sends a request; false if the middleware rejected it.
     pub fn ask(&self, request: &Q) -> bool {
         let head = Head { endpoint: self.endpoint, ..Head::new(Kind::Request) };
         self.link.send(head, false, |bytes| cdr(bytes, request)).is_ok()
     }
 
-    /// An answer that has come.
+    /// An answer that has arrived.
     #[must_use]
     pub fn answer(&self) -> Option<R> {
         let delivery = self.mailbox.take()?;

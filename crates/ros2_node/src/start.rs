@@ -1,4 +1,4 @@
-//! What both nodes do before they differ: arguments, environment, names, log.
+//! Common start of the nodes: arguments, environment, names, log.
 
 use std::ffi::OsString;
 
@@ -21,38 +21,38 @@ pub const SUCCESS: u8 = 0;
 pub const FAILURE: u8 = 1;
 /// Exit code of a wrong command line or environment.
 pub const USAGE: u8 = 2;
-/// Exit code of a run that ended, but lost data or diverged.
+/// Exit code of a run that completed, but lost data or diverged.
 pub const LOSSES: u8 = 3;
 
-/// Why a node can't start or go on.
+/// Why a node can't start or continue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NodeError {
-    /// Wrong command line.
+    /// Invalid command line.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// Wrong environment.
+    /// Invalid environment.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
-    /// Wrong name.
+    /// Invalid name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// Wrong parameter.
+    /// Invalid parameter.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// The network.
+    /// Error of the network.
     #[error(transparent)]
     Participant(#[from] ParticipantError),
-    /// The middleware process, or a thread.
+    /// Error of the middleware process, or of a thread.
     #[error(transparent)]
     Guard(#[from] ros2_guarded::GuardError),
-    /// What the program itself can't do.
+    /// Error of the program itself.
     #[error(transparent)]
     Program(Box<dyn std::error::Error + Send + Sync>),
-    /// Anything else, said in full.
+    /// Any other error; the text is complete.
     #[error("{0}")]
     Other(String),
-    /// Wrong usage, said in full.
+    /// Usage error; the text is complete.
     #[error("{0}")]
     Usage(String),
 }
@@ -74,13 +74,13 @@ impl NodeError {
     }
 }
 
-/// What a node knows before it joins the network.
+/// State of a node before it joins the network.
 pub struct Start {
     /// The program's own arguments.
     pub own: Vec<String>,
-    /// The ROS ones.
+    /// The ROS arguments.
     pub ros: RosArguments,
-    /// Domain, reach, service mapping.
+    /// Domain, range and service mapping.
     pub environment: Environment,
     /// Name, namespace and remapping.
     pub names: Names,
@@ -88,17 +88,23 @@ pub struct Start {
     pub rosout: Rosout,
 }
 
-/// Reads command line and environment, starts the log.
+/// Reads command line and environment, and starts the log.
 ///
 /// # Errors
-/// [`NodeError`] naming the culprit.
-pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) -> Result<Start, NodeError> {
+/// [`NodeError`] naming the cause.
+pub fn start(
+    default_name: &str,
+    program: &'static str,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<Start, NodeError> {
     let (own, ros) = arguments::split(arguments)?;
     let environment = Environment::read()?;
     let names = Names::new(default_name, &ros)?;
     let node = names.fully_qualified();
-    let rosout =
-        Rosout::new(logging::install(&node, &ros.log, environment.log_folder.as_deref()), logging::logger_name(&node));
+    let rosout = Rosout::new(
+        logging::install(&node, program, &ros.log, environment.log_folder.as_deref()),
+        logging::logger_name(&node),
+    );
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }
@@ -109,7 +115,7 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
 }
 
 impl Start {
-    /// The node itself, with its log on the network unless `--disable-rosout-logs` was said.
+    /// The node itself, with its log on the network unless `--disable-rosout-logs` was given.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -121,7 +127,7 @@ impl Start {
         Ok(participant)
     }
 
-    /// Says once what is exposed to whom: whoever is within reach can do everything that a peer can do.
+    /// Logs once who can reach the node: everyone within its range can do everything that a peer can do.
     pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
             _ if self.environment.zenoh.is_some() => {
@@ -177,7 +183,7 @@ pub fn common_declarations() -> Vec<Declaration> {
     all
 }
 
-/// The mapping that the parameter asks for.
+/// The mapping that the parameter requests.
 #[must_use]
 pub fn mapping(parameters: &Parameters, environment: &Environment) -> Mapping {
     match parameters.get(SERVICE_MAPPING).as_str() {
@@ -188,7 +194,7 @@ pub fn mapping(parameters: &Parameters, environment: &Environment) -> Mapping {
     }
 }
 
-/// Level up to which somebody wants to see lines of the middleware, from 1 (error) to 5 (trace).
+/// Level up to which lines of the middleware are shown, from 1 (error) to 5 (trace).
 pub(crate) fn verbosity(arguments: &RosArguments) -> u8 {
     match arguments.log.loggers.iter().map(|(_, level)| *level).min() {
         Some(Severity::Debug) => 4,
@@ -198,7 +204,7 @@ pub(crate) fn verbosity(arguments: &RosArguments) -> u8 {
     }
 }
 
-/// The last value of its type that the command line gives a parameter of this node.
+/// The last value of its type that the command line gives for a parameter of this node.
 #[must_use]
 pub fn last_override<T: Typed>(overrides: &[ParameterOverride], node: &str, parameter: Parameter<T>) -> Option<T> {
     let of_node =

@@ -19,7 +19,7 @@ use needle_core::scene::{Method, Scene};
 use needle_studies::accuracy::{self, Case, Extent, Row, StudyError, Table};
 use needle_studies::composites::{Composite, posed};
 use needle_studies::correction;
-use needle_studies::yardstick::{Yardstick, study_depth};
+use needle_studies::reference_solution::{ReferenceSolution, study_depth};
 
 /// Name of the whole table.
 const TABLE: &str = "accuracy.csv";
@@ -93,7 +93,7 @@ fn extent(quick: bool, at_rest: bool) -> Extent {
 /// A scene that is studied, and what it is held against.
 struct Subject {
     scene: Scene,
-    yardstick: Yardstick,
+    reference_solution: ReferenceSolution,
 }
 
 /// One run that is still to be made.
@@ -142,8 +142,8 @@ impl Accuracy {
             let composite = Composite::find(name).map(Composite::scene).transpose()?;
             let scene = composite.map_or_else(|| scene_file::load(name), Ok)?;
             if subjects.iter().all(|s| s.scene.name != scene.name) {
-                let yardstick = alone(|| Yardstick::of(&scene, study_depth(&scene)?))??;
-                subjects.push(Subject { scene, yardstick });
+                let reference_solution = alone(|| ReferenceSolution::of(&scene, study_depth(&scene)?))??;
+                subjects.push(Subject { scene, reference_solution });
             }
         }
         Ok(subjects)
@@ -156,7 +156,7 @@ impl Accuracy {
             let scene = &subject.scene;
             let named = accuracy::named(scene)?;
             for case in accuracy::plan(scene, extent(self.quick, self.at_rest))? {
-                let travel = subject.yardstick.depth_m() / scene.motion.map_or(1e-3, |m| m.speed.get());
+                let travel = subject.reference_solution.depth_m() / scene.motion.map_or(1e-3, |m| m.speed.get());
                 let work = (travel * accuracy::work(scene, &case) / 1e4) as u64 + 1;
                 let named = named.iter().any(|(known, _)| *known == case);
                 tasks.push(Task { subject, case, work, named });
@@ -181,16 +181,19 @@ fn side_by_side(
     let bar = bar(tasks.iter().map(|task| task.work).sum(), "{percent:>3}%");
     let queue = Mutex::new(tasks.iter());
     let failed = AtomicBool::new(false);
-    let stop = || interrupt.pressed() || failed.load(Ordering::Relaxed);
+    // a failure ends the other runs as well
+    let cancel = interrupt.cancel();
     let (sender, finished) = mpsc::channel();
     std::thread::scope(|scope| {
         for _ in 0..workers.min(tasks.len()) {
-            let (sender, queue, stop) = (sender.clone(), &queue, &stop);
+            let (sender, queue) = (sender.clone(), &queue);
             scope.spawn(move || {
                 loop {
                     let next = queue.lock().map(|mut queue| queue.next());
-                    let (Ok(Some(task)), false) = (next, stop()) else { return };
-                    let row = alone(|| correction::row(&task.case, &task.subject.scene, &task.subject.yardstick, stop));
+                    let (Ok(Some(task)), false) = (next, cancel.is_cancelled()) else { return };
+                    let row = alone(|| {
+                        correction::row(&task.case, &task.subject.scene, &task.subject.reference_solution, cancel)
+                    });
                     if sender.send((row, task.work)).is_err() {
                         return;
                     }

@@ -64,7 +64,7 @@ impl SensitivityArguments {
         let bar = Bar::new(left.len() as u64, "runs");
         let done = || bar.add(1, "");
         self.threads.install(|| {
-            let crew = Crew { threads: rayon::current_num_threads(), stop: progress.stop_flag(), done: &done };
+            let crew = Crew { threads: rayon::current_num_threads(), cancel: progress.cancel().clone(), done: &done };
             runs.make(&left, &crew)
         })??;
         bar.finish();

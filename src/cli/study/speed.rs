@@ -10,9 +10,9 @@ use crate::cli::progress::Progress;
 use crate::cli::{CliError, Outcome, print};
 use needle_estimate::compare::Watch as _;
 use needle_studies::bounds::Bounds;
-use needle_studies::{busy, speed};
+use needle_studies::{contention, speed};
 
-/// Time the step: presets, support, size of the model, threads; a needle beside busy loops; and how fast one may go in three dimensions
+/// Time the step: presets, support, size of the model, threads; a needle while other programs use the processors; and how fast one may go in three dimensions
 #[derive(Debug, Args)]
 pub(super) struct Speed {
     /// Smaller models, no motions: one to two minutes
@@ -42,7 +42,7 @@ impl Speed {
         print(&speed::heading())?;
         let mut rows = Vec::new();
         for case in speed::cases(most, self.quick) {
-            if progress.stop() {
+            if progress.cancel().is_cancelled() {
                 break;
             }
             let threads = ThreadOptions { threads: u16::try_from(case.threads).ok() };
@@ -50,14 +50,14 @@ impl Speed {
             print(&row.line())?;
             rows.push(row);
         }
-        if !progress.stop() {
-            print(&busy::heading())?;
-            for loops in busy::loads(most) {
-                let Some(row) = busy::beside(loops, most, &progress)? else { break };
+        if !progress.cancel().is_cancelled() {
+            print(&contention::heading())?;
+            for loops in contention::loads(most) {
+                let Some(row) = contention::beside(loops, most, &progress)? else { break };
                 print(&row.line())?;
             }
         }
-        if !self.quick && !progress.stop() {
+        if !self.quick && !progress.cancel().is_cancelled() {
             print(&speed::motion_heading())?;
             let mut said = Ok(());
             self.threads.install(|| {
@@ -74,7 +74,7 @@ impl Speed {
                 print(&format!("{}\n", path.display()))?;
             }
         }
-        Ok(if progress.stop() { Outcome::Lossy } else { Outcome::Complete })
+        Ok(if progress.cancel().is_cancelled() { Outcome::Lossy } else { Outcome::Complete })
     }
 }
 

@@ -1,4 +1,4 @@
-//! The control thread: takes what has come, asks the guard, tells the driver.
+//! The control thread: takes the received messages, runs the guard, and commands the driver.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +20,7 @@ use ros2_node::origin::{Followed, Guid, Origin};
 use ros2_node::participant::{Input, Output, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// Ticks that are made up for after a hold-up.
+/// Largest number of ticks that are repeated after a delay.
 const MADE_UP: u32 = 5;
 
 /// Endpoints of the thread.
@@ -30,15 +30,15 @@ pub(super) struct Endpoints {
     safety: Input<Safety>,
     status: Input<TwinStatus>,
     targets: Input<PoseArray>,
-    /// Where a probability is asked.
+    /// Only if a probability is configured.
     outlook: Option<Input<needle_twin::Outlook>>,
-    /// With simulated time.
+    /// Only with simulated time.
     clock: Option<Input<Clock>>,
     servo: Output<JointState>,
 }
 
 impl Endpoints {
-    /// A setpoint that is older than the orders' timeout is of no use to a driver, and the middleware drops it.
+    /// The middleware drops setpoints older than the configured timeout, since a driver must not use them.
     pub fn new(participant: &mut Participant, orders: &Orders, use_sim_time: bool) -> Result<Self, ParticipantError> {
         let mut commands = qos::reliable(10);
         commands.lifespan = Duration::try_from_secs_f64(orders.timeout_s).ok();
@@ -55,18 +55,18 @@ impl Endpoints {
     }
 }
 
-/// What the threads of the node share.
+/// State shared by the threads of the node.
 #[derive(Debug, Default)]
 pub(super) struct Shared {
     report: Mutex<Option<Report>>,
     pub resume: AtomicBool,
 }
 
-/// What the guard is doing, for people.
+/// State of the guard, for logs and diagnostics.
 #[derive(Clone, Debug)]
 pub(super) struct Report {
     pub phase: Phase,
-    /// What the twin itself says is wrong, as of its last status.
+    /// Problems that the twin reported in its last status.
     pub twin_says: Arc<str>,
     pub sight: Sight,
     pub speed_m_per_s: f64,
@@ -80,7 +80,7 @@ impl Shared {
 }
 
 impl Report {
-    /// What it is doing, and why it does nothing.
+    /// Its state, and the reason if it does nothing.
     pub fn words(&self) -> String {
         match self.phase {
             Phase::Waiting(None) => "waiting".to_owned(),
@@ -92,7 +92,7 @@ impl Report {
     }
 }
 
-/// A trouble, and what the twin says of it where it is the twin's.
+/// A trouble, with the twin's own report if the trouble comes from the twin.
 fn because(trouble: Trouble, twin_says: &str) -> String {
     match trouble {
         Trouble::NotVouched if !twin_says.is_empty() => format!("{trouble}: {twin_says}"),
@@ -100,23 +100,22 @@ fn because(trouble: Trouble, twin_says: &str) -> String {
     }
 }
 
-/// What the thread needs to know.
+/// Configuration of the thread.
 pub(super) struct Task {
     pub guard: Guard,
     pub goal: Goal,
     pub line: Line,
-    /// Must not be entered.
+    /// The region that must not be entered.
     pub region: Option<String>,
     pub joint: String,
     pub period: Duration,
     pub exit_when_done: bool,
 }
 
-/// Runs until the goal is reached (if it is to end there) or `stop` is closed; the setpoint is brought to rest
-/// first.
+/// Runs until the goal is reached (if it is to end there) or `stop` is closed; the setpoint is brought to rest first.
 ///
 /// # Errors
-/// Why its orders can't be carried out.
+/// Why the task can't be carried out.
 pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: &Receiver<()>) -> Result<(), String> {
     let mut ears = Ears::new(endpoints.clock.is_some());
     let mut looked = Instant::now();
@@ -171,7 +170,7 @@ impl Endpoints {
     }
 }
 
-/// Says what changes, once.
+/// Logs changes of the state, once each.
 fn tell(before: Phase, after: Phase, depth_m: Option<Heard<f64>>, twin_says: &str) {
     let depth_m = depth_m.map_or(f64::NAN, |depth| depth.value);
     match (before, after) {
@@ -189,7 +188,7 @@ fn tell(before: Phase, after: Phase, depth_m: Option<Heard<f64>>, twin_says: &st
     }
 }
 
-/// Says what it means that a word may be as old as the timeout, and that braking takes time.
+/// Logs the effects of the largest age of messages and of the braking distance on the force.
 fn tell_delay(orders: &Orders, steepest_n_per_m: f64) {
     let delay_s = orders.timeout_s + orders.motion.braking_time_s();
     let distance_m = delay_s * orders.motion.speed_m_per_s;
@@ -210,17 +209,17 @@ fn name(trouble: Trouble) -> std::mem::Discriminant<Trouble> {
     std::mem::discriminant(&trouble)
 }
 
-/// A message that has come.
+/// A received message.
 #[derive(Clone, Copy, Debug)]
 struct Word<T> {
     value: T,
-    /// Zero: it has none.
+    /// Zero if it has no stamp.
     stamp: Time,
     received: Instant,
 }
 
 impl<T: Copy> Word<T> {
-    /// With its age, and that of its stamp at a time in ns.
+    /// The value with its age, and with the age of its stamp relative to a time in ns.
     fn heard(&self, now: Instant, then_nanos: Option<i64>) -> Heard<T> {
         Heard {
             value: self.value,
@@ -230,14 +229,14 @@ impl<T: Copy> Word<T> {
     }
 }
 
-/// Time from a stamp to a time in ns, s; infinite where one of them is missing.
-#[allow(clippy::cast_precision_loss)] // a span
+/// Time from a stamp to a time in ns, s; infinite if one of them is missing.
+#[allow(clippy::cast_precision_loss)] // a duration
 fn since_s(stamp: Time, then_nanos: Option<i64>) -> f64 {
     let known = then_nanos.filter(|_| !stamp.is_zero());
     known.map_or(f64::INFINITY, |nanos| nanos.saturating_sub(stamp.nanos()) as f64 * 1e-9)
 }
 
-/// Who publishes what the guard acts on.
+/// Publishers of the guard's input.
 #[derive(Debug, Default)]
 struct Publishers {
     position: Followed<Guid>,
@@ -245,16 +244,16 @@ struct Publishers {
     safety: Followed<Guid>,
 }
 
-/// A publisher that has been silent for so long has gone.
+/// A publisher that has been silent for this time is gone.
 const GONE: Duration = Duration::from_millis(500);
 
-/// Positions that are kept to be compared with what the twin answered: a second of a fast driver.
+/// Number of stored positions for the comparison with the twin's answers: a second of a fast driver.
 const REMEMBERED: usize = 1000;
 
-/// Directions that differ by less than a degree are one.
+/// Cosine of the angle below which directions count as equal: about a degree.
 const SAME_DIRECTION: f64 = 0.99985;
 
-/// What has come, and when.
+/// The received messages with their times.
 #[derive(Debug, Default)]
 struct Ears {
     clock: NodeClock,
@@ -262,11 +261,11 @@ struct Ears {
     depth_m: Option<Word<f64>>,
     /// Depths of the last second, m, by stamp.
     depths_m: VecDeque<(Time, f64)>,
-    /// Depth that the twin answered less the measured one of the same stamp, m.
+    /// Depth that the twin answered minus the measured depth with the same stamp, m.
     twin_offset_m: Option<f64>,
     force: Option<Word<[f64; 3]>>,
     safe: Option<Word<bool>>,
-    /// Direction in which the twin's needle goes.
+    /// Direction of the twin's needle.
     axis: Option<[f64; 3]>,
     steepest_n_per_m: f64,
     warned: bool,
@@ -334,11 +333,11 @@ impl Ears {
         }
     }
 
-    /// Whether the guard's line is that on which the twin's needle goes.
+    /// Checks that the guard's line is that of the twin's needle. The depth of a target is measured along the line,
+    /// and a force against the opposite direction would be ignored.
     ///
     /// # Errors
-    /// That the two can't both be right: the depth of a target is along the line, and a force against the opposite direction would be
-    /// none.
+    /// The contradiction between the two.
     fn contradiction(&self, task: &Task) -> Result<(), String> {
         let Some(axis) = self.axis else { return Ok(()) };
         let least = if matches!(task.goal, Goal::Target(_)) { SAME_DIRECTION } else { 0.0 };
@@ -362,7 +361,7 @@ impl Ears {
         };
         let mut odds = None;
         if let (Some((outlook, then)), Some(Word { value: depth_m, .. })) = (&self.outlook, self.depth_m) {
-            // where the members have the target, since they have learnt from the load cell
+            // the target's position according to the members, which are updated by the load cell
             let target_m = outlook.target_depth_m(depth_m).filter(|_| goal_moves);
             goal_m = target_m.and_then(|value| Some(Heard { value, ..goal_m? })).or(goal_m);
             let goal = goal_m.map_or(f64::INFINITY, |goal| goal.value);
@@ -391,8 +390,8 @@ impl Ears {
         }
     }
 
-    /// The force that the limit is held against: what is against the insertion, where the direction is known to be the twin's, else the
-    /// length of the vector.
+    /// The force that is compared with the limit: the component against the insertion, if the direction is known to
+    /// be the twin's; otherwise the length of the vector.
     fn force_n(&self, task: &Task, force: [f64; 3]) -> f64 {
         if self.axis.is_some_and(|axis| task.line.along(axis) > SAME_DIRECTION) {
             task.line.against_n(force)
@@ -402,7 +401,7 @@ impl Ears {
     }
 }
 
-/// The position of the joint; one position without a name is taken for it.
+/// The position of the joint. A single position without a name is taken as the joint's.
 fn position(message: &JointState, joint: &str) -> Option<f64> {
     let index = match message.name.iter().position(|name| name == joint) {
         None if message.name.is_empty() && message.position.len() == 1 => 0,
@@ -411,7 +410,7 @@ fn position(message: &JointState, joint: &str) -> Option<f64> {
     message.position.get(index).copied()
 }
 
-/// Where the region begins that must not be entered.
+/// The boundary of the region that must not be entered.
 fn boundary(status: &TwinStatus, task: &Task) -> Option<Boundary> {
     let place = status.region_names.iter().position(|name| Some(name) == task.region.as_ref())?;
     let depth_m = status.region_depths_m.get(place).copied()?;
@@ -423,7 +422,8 @@ fn depth_of_target(message: &PoseArray, task: &Task) -> Option<f64> {
     message.poses.get(index).map(|pose| task.line.depth_m(pose.position.into()))
 }
 
-/// The members' outlook, with the target to go to where there is one; `None` of one whose lists don't fit together.
+/// The members' look-ahead, with the target of the goal if there is one; `None` if the lengths of its lists don't
+/// match.
 fn outlook(message: &needle_twin::Outlook, task: &Task) -> Option<Outlook> {
     let places = message.depths_m.len();
     let (members, targets) = (message.members as usize, message.targets as usize);

@@ -1,7 +1,7 @@
 //! Parameters of the guard.
 
 use crate::guard::{Orders, Place};
-use crate::rig::MotionLimits;
+use needle_rig::MotionLimits;
 use ros2_node::parameter::{Parameter, parameters};
 use ros2_node::parameters::{Declaration, Parameters};
 use ros2_node::recorder;
@@ -176,12 +176,12 @@ pub(super) fn declarations() -> Vec<Declaration> {
     all
 }
 
-/// Where the needle is to go.
+/// Goal of the needle.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Goal {
-    /// m
+    /// Depth, m.
     Depth(f64),
-    /// A target of the twin, by its place in the topic.
+    /// A target of the twin, by its index in the topic.
     Target(usize),
 }
 
@@ -197,7 +197,7 @@ pub(super) fn region(parameters: &Parameters) -> Option<String> {
     Some(parameters.get(STOP_BEFORE_REGION)).filter(|name| !name.is_empty())
 }
 
-/// The line on which the needle moves, frame `sample`.
+/// The line of the needle's motion, frame `sample`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     entry_m: [f64; 3],
@@ -205,12 +205,12 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Depth of a place along the line, m.
+    /// Depth of a position along the line, m.
     pub fn depth_m(&self, place: [f64; 3]) -> f64 {
         (0..3).map(|k| (place[k] - self.entry_m[k]) * self.axis[k]).sum()
     }
 
-    /// Where a place lies to the line.
+    /// A position in the coordinates of the line.
     pub fn place(&self, place: [f64; 3]) -> Place {
         let depth_m = self.depth_m(place);
         let off = |k: usize| place[k] - self.entry_m[k] - depth_m * self.axis[k];
@@ -228,7 +228,7 @@ impl Line {
         (0..3).map(|k| self.axis[k] * direction[k]).sum::<f64>() / length
     }
 
-    /// What of a force is against the insertion, N.
+    /// The component of a force against the insertion, N.
     pub fn against_n(&self, force: [f64; 3]) -> f64 {
         -(0..3).map(|k| force[k] * self.axis[k]).sum::<f64>()
     }

@@ -22,7 +22,7 @@ use ros2_node::qos;
 use ros2_node::rosout::Rosout;
 use ros2_node::service::Service;
 
-/// Longest time between two looks at anything that rings no bell.
+/// Longest interval between two checks of anything that does not ring the bell.
 const TICK: Duration = Duration::from_millis(100);
 /// Time between two diagnostics.
 const DIAGNOSTICS: Duration = Duration::from_millis(200);

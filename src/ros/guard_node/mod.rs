@@ -37,11 +37,11 @@ use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 )]
 struct Cli {}
 
-/// Runs the guard until it has arrived, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments` has
-/// no program name.
+/// Runs the guard until it has arrived, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments`
+/// does not include the program name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    // Before anything starts a thread: they inherit the mask.
+    // Before any thread is started, because threads inherit the mask.
     let signals = match Signals::block() {
         Ok(signals) => signals,
         Err(error) => {
@@ -49,7 +49,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return FAILURE;
         }
     };
-    match start::start("guard", arguments).and_then(|start| guard(start, &signals)) {
+    match start::start("guard", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| guard(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("needle_twin guard: {}", terminal::line(&error.to_string()));
@@ -110,7 +110,7 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
     let control = {
         let shared = Arc::clone(&shared);
         spawn("control", move || {
-            // Fails only if the node has given up.
+            // Fails only if the node has already ended.
             let _ = done.send(control::run(task, &endpoints, &shared, &stopped));
         })?
     };

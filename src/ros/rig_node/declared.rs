@@ -3,10 +3,10 @@
 use ros2_client::ParameterValue as P;
 
 use super::driver::{Load, Rig};
-use crate::rig::make::RigScene;
-use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
-use crate::rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
 use needle_recording::{ForceSource, PositionSource};
+use needle_rig::make::RigScene;
+use needle_rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use needle_rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
 use ros2_node::parameter::{Parameter, Typed, parameters};
 use ros2_node::parameters::{Declaration, Parameters};
 use ros2_node::recorder;
@@ -308,7 +308,7 @@ pub(super) fn rig(parameters: &Parameters) -> Result<Rig, String> {
     })
 }
 
-/// What a word stands for.
+/// The value that a word of a parameter stands for.
 fn one_of<T: Copy>(parameters: &Parameters, parameter: Parameter<String>, words: &[(&str, T)]) -> Result<T, String> {
     let given = parameters.get(parameter);
     words.iter().find(|(word, _)| *word == given).map(|(_, value)| *value).ok_or_else(|| {

@@ -1,14 +1,14 @@
-//! The driver thread: `servo_jp` in, a motion with limits, and what the sensors make of it: `measured_js`, and
-//! `measured_cf` where the rig has a load cell.
+//! The driver thread. `servo_jp` commands a motion with limits. The sensors' readings of it are published as
+//! `measured_js` and, if the rig has a load cell, `measured_cf`.
 
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::TISSUE_STIFFNESS;
-use crate::rig::make::Curve;
-use crate::rig::sensors::{DisplacementSensor, LoadCell};
-use crate::rig::{Delay, Driver};
+use needle_rig::make::Curve;
+use needle_rig::sensors::{DisplacementSensor, LoadCell};
+use needle_rig::{Delay, Driver};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
@@ -20,7 +20,7 @@ use ros2_node::parameters::Parameters;
 use ros2_node::participant::{Input, Output, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// Steps that are made up for after a hold-up: a burst of more would age a command that has just come.
+/// Largest number of steps that are repeated after a delay. A larger burst would age a command that has just arrived.
 const MADE_UP: u32 = 5;
 
 /// Endpoints of the driver.
@@ -40,7 +40,7 @@ impl Endpoints {
     }
 }
 
-/// A load cell, and the tissue that presses on it.
+/// A load cell, and the tissue that loads it.
 pub(super) struct Load {
     pub cell: LoadCell,
     /// Force over depth during insertion, from `bags/reference/`.
@@ -58,13 +58,13 @@ pub(super) struct Rig {
     pub latency_s: f64,
 }
 
-/// Readings of one moment.
+/// Readings at one time.
 struct Readings {
     joint: JointState,
     force: Option<WrenchStamped>,
 }
 
-/// Moves until `stop` is closed; returns how many positions were published.
+/// Runs until `stop` is closed; returns the number of published positions.
 pub(super) fn run(
     mut rig: Rig,
     endpoints: &Endpoints,
@@ -83,7 +83,8 @@ pub(super) fn run(
             Err(RecvTimeoutError::Timeout) => {}
             _ => return published,
         }
-        // Absolute deadlines. After a long hold-up the motion goes on from where it stands: no burst of positions.
+        // Absolute deadlines. After a long delay the motion continues from its present state, without a burst of
+        // positions.
         let now = Instant::now();
         let timeout_s = rig.driver.limits().command_timeout_s;
         if timeout_s > 0.0 && (now - due).as_secs_f64() > timeout_s {
@@ -108,7 +109,7 @@ pub(super) fn run(
 }
 
 impl Rig {
-    /// What the sensors say at this moment.
+    /// The sensors' readings at this time.
     fn read(&mut self, stamp: Time, time_s: f64, stiffness: f64) -> Readings {
         let depth_m = self.driver.position_m();
         let joint = JointState {
@@ -129,12 +130,13 @@ impl Rig {
     }
 }
 
-/// Time between two lines of one kind on commands.
+/// Shortest interval between two log lines of one kind about commands.
 const SAID_AGAIN: Duration = Duration::from_secs(30);
-/// A command without a stamp, or a driver without `command_timeout_s`: another commander has gone after this.
+/// For commands without a stamp, or a driver without `command_timeout_s`: a commander that is silent for this time is
+/// gone.
 const GONE: Duration = Duration::from_millis(500);
 
-/// What is asked of the driver, and by whom.
+/// The commands to the driver, and their publisher.
 struct Commands {
     commander: Followed<Guid>,
     wrong_joint: Throttle,
@@ -159,7 +161,7 @@ impl Commands {
                 self.obey(&mut rig.driver, &message, &rig.joint);
             }
         }
-        // Two controllers of one needle: nobody knows whose goal is right.
+        // Two controllers of one needle: the driver can't know whose goal is right.
         if let Some(other) = self.commander.other(now, GONE) {
             rig.driver.brake();
             if self.two.pass().is_some() {
@@ -171,8 +173,9 @@ impl Commands {
         }
     }
 
-    /// One that lay in a queue while its sender or this node was frozen is not obeyed; one without a stamp, as people send it by hand, is.
-    #[allow(clippy::cast_precision_loss)] // a span
+    /// Rejects a command that was queued while its sender or this node was suspended. A command without a stamp, as
+    /// sent by hand, is accepted.
+    #[allow(clippy::cast_precision_loss)] // a duration
     fn is_of_now(&mut self, message: &JointState, timeout_s: f64, clock: &NodeClock) -> bool {
         let stamp = message.header.stamp;
         let (Some(now), false) = (clock.now_nanos(), stamp.is_zero() || timeout_s <= 0.0) else { return true };
@@ -202,7 +205,7 @@ impl Commands {
     }
 }
 
-/// The position for the joint; one position without a name is taken for it.
+/// The position for the joint. A single position without a name is taken as the joint's.
 fn goal(message: &JointState, joint: &str) -> Option<f64> {
     let index = match message.name.iter().position(|name| name == joint) {
         None if message.name.is_empty() && message.position.len() == 1 => 0,

@@ -7,7 +7,7 @@ use crossbeam_channel::{Receiver, Sender};
 
 use super::declared;
 use super::playback::Command;
-use crate::rig::Stretch;
+use needle_rig::Stretch;
 use ros2_client::ParameterValue;
 use ros2_guarded::Bell;
 use ros2_messages::rosbag2_interfaces::{
@@ -22,7 +22,7 @@ use ros2_node::participant::{Participant, ParticipantError};
 use ros2_node::rosout::Rosout;
 use ros2_node::service::Service;
 
-/// Longest time between two looks at anything that rings no bell.
+/// Longest interval between two checks of anything that does not ring the bell.
 const TICK: Duration = Duration::from_millis(100);
 /// Longest wait for the playback thread.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -61,7 +61,7 @@ impl PlayerServices {
 
     fn serve(&self, commands: &Sender<Command>, parameters: &Parameters) {
         let tell = |command| {
-            // Fails only when the playback has ended.
+            // Fails only if the playback has ended.
             let _ = commands.send(command);
             Empty::default()
         };
@@ -74,7 +74,7 @@ impl PlayerServices {
         self.set_rate.answer(|q| {
             let done = ask(commands, |reply| Command::SetRate(q.rate, reply));
             if done == Some(true) {
-                // what the service takes is in the parameter's range, or the parameter stays
+                // a rate that the service accepts is in the parameter's range; otherwise the parameter stays
                 let _ = parameters.set(&[(declared::RATE.name().to_owned(), ParameterValue::Double(q.rate))]);
             }
             success(done)
@@ -91,7 +91,7 @@ impl PlayerServices {
     }
 }
 
-/// Negative times mean that there is no such limit.
+/// Negative times mean that there is no limit.
 fn stretch(request: &PlayRequest) -> (Duration, Stretch) {
     let positive = |nanos: i64| u64::try_from(nanos).ok().map(Duration::from_nanos);
     let until_ns = Some(request.playback_until_timestamp.nanos()).filter(|t| *t >= 0);

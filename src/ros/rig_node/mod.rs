@@ -18,7 +18,7 @@ use ros2_client::ParameterValue;
 use self::housekeeping::Housekeeping;
 use self::outputs::{Outputs, Wishes};
 use self::playback::{Command, Report};
-use crate::rig::Player;
+use needle_rig::Player;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, spawn};
 use ros2_node::arguments::ParameterOverride;
@@ -29,7 +29,7 @@ use ros2_node::recorder::{Recorder, Recording};
 use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use rosbag2_mcap::BagReader;
 
-/// What reliable readers may still be missing is sent again for so long after the end of the bag.
+/// Time after the end of the bag during which lost messages are sent again to reliable readers.
 const LINGER: Duration = Duration::from_millis(500);
 
 #[derive(Parser, Debug)]
@@ -49,11 +49,11 @@ struct Cli {
     bag: Option<String>,
 }
 
-/// Runs the node until it has played, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments` has
-/// no program name.
+/// Runs the node until the end of the playback, or until SIGINT or SIGTERM, and returns the program's exit code.
+/// `arguments` does not include the program name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    // Before anything starts a thread: they inherit the mask.
+    // Before any thread is started, because threads inherit the mask.
     let signals = match Signals::block() {
         Ok(signals) => signals,
         Err(error) => {
@@ -61,7 +61,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return FAILURE;
         }
     };
-    match start::start("rig", arguments).and_then(|start| rig(start, &signals)) {
+    match start::start("rig", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| rig(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("rig_node: {}", terminal::line(&error.to_string()));
@@ -104,7 +104,7 @@ fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     }
 }
 
-/// Opens the bag and says what is odd about it.
+/// Opens the bag and logs its irregularities.
 fn open(parameters: &Parameters) -> Result<Player, NodeError> {
     let path = parameters.get(declared::BAG);
     if path.is_empty() {
@@ -142,7 +142,7 @@ struct Common {
     thread: JoinHandle<()>,
 }
 
-/// Everything of a rig that is not its purpose; the last endpoints of the node are made here, and it joins the network.
+/// The common part of both modes. The last endpoints of the node are made here, and it joins the network.
 fn common(
     mut participant: Participant,
     start: Start,
@@ -196,7 +196,7 @@ fn play(mut start: Start, parameters: &Arc<Parameters>, player: Player, signals:
     let thread = {
         let outputs = Arc::clone(&outputs);
         spawn("playback", move || {
-            // Fails only if the node has given up.
+            // Fails only if the node has already ended.
             let _ = done.send(playback::run(player, &outputs, &received, delay, stay));
         })?
     };
@@ -241,7 +241,7 @@ fn supervise(
 }
 
 fn conclude(report: &Report) -> u8 {
-    #[allow(clippy::cast_precision_loss)] // microseconds for people
+    #[allow(clippy::cast_precision_loss)] // microseconds for a log line
     let micros = |q: f64| report.late.value_at_quantile(q) as f64 * 1e-3;
     tracing::info!(
         "played {} messages; behind their time by {:.0} us (median), {:.0} us (99%), {:.0} us (largest)",

@@ -1,4 +1,4 @@
-//! The publishers of the player: a bag's topics under their names, or as what the user says they are, and `/clock`.
+//! The publishers of the player: a bag's topics under their own names or as the user configures them, and `/clock`.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -6,8 +6,8 @@ use std::time::Duration;
 use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageTypeName, QosProfile};
 
-use crate::rig::Player;
 use needle_recording::{ForceSource, PositionSource};
+use needle_rig::Player;
 use ros2_guarded::RawCdr;
 use ros2_messages::geometry_msgs::WrenchStamped;
 use ros2_messages::rosgraph_msgs::Clock;
@@ -19,10 +19,10 @@ use ros2_node::qos;
 use ros2_node::start::NodeError;
 use rosbag2_mcap::{BagReader, Message, Topic};
 
-/// Topics that ROS 2 has once per system: no namespace moves them.
+/// Topics that exist once per system; a namespace does not apply to them.
 const OF_THE_SYSTEM: [&str; 6] = ["/clock", "/tf", "/tf_static", "/diagnostics", "/rosout", "/parameter_events"];
 
-/// What the parameters say of the outputs.
+/// The parameters of the outputs.
 pub(super) struct Wishes {
     pub clock_hz: f64,
     pub relative_names: bool,
@@ -30,7 +30,7 @@ pub(super) struct Wishes {
     pub force: Option<ForceSource>,
 }
 
-/// What becomes of the messages of a topic.
+/// What happens to the messages of a topic.
 enum Sink {
     AsRecorded(Output<RawCdr>),
     Position(Output<JointState>, PositionSource),
@@ -39,13 +39,13 @@ enum Sink {
 
 /// See the module.
 pub(super) struct Outputs {
-    /// An array may be the displacement and the force.
+    /// Several sinks per topic: an array may contain the displacement and the force.
     by_topic: BTreeMap<usize, Vec<Sink>>,
     pub clock: Option<(Output<Clock>, Duration)>,
 }
 
 impl Outputs {
-    /// One publisher per topic that is played, with the QoS that was recorded.
+    /// One publisher per played topic, with the recorded QoS.
     pub fn new(participant: &mut Participant, player: &Player, wishes: Wishes) -> Result<Self, NodeError> {
         let Wishes { clock_hz, relative_names, position, force } = wishes;
         let mut by_topic: BTreeMap<usize, Vec<Sink>> = BTreeMap::new();
@@ -72,7 +72,7 @@ impl Outputs {
             }
         }
         let clock = if clock_hz > 0.0 {
-            // rosbag2's player: best effort, so that nothing waits for a reader of the time.
+            // As in rosbag2's player: best effort, so that no reader of the time delays the player.
             Some((participant.publisher("/clock", qos::sensor(1))?, Duration::from_secs_f64(1.0 / clock_hz)))
         } else {
             None
@@ -88,7 +88,7 @@ impl Outputs {
     /// Publishes a message of the bag.
     ///
     /// # Errors
-    /// Why it can't be.
+    /// Why it can't be published.
     pub fn send(&self, bag: &BagReader, message: Message) -> Result<(), String> {
         for sink in self.by_topic.get(&message.topic).into_iter().flatten() {
             match sink {
@@ -109,12 +109,12 @@ impl Outputs {
     }
 }
 
-/// The name as the program calls it.
+/// The program's name of the topic.
 fn played_name(recorded: &str, relative: bool) -> &str {
     if relative && !OF_THE_SYSTEM.contains(&recorded) { recorded.trim_start_matches('/') } else { recorded }
 }
 
-/// Whether this node publishes something of its own under a recorded name.
+/// Whether this node itself publishes under a recorded name.
 fn is_made_here(
     participant: &Participant,
     topic: &Topic,
@@ -138,7 +138,7 @@ fn is_made_here(
     Ok(taken)
 }
 
-/// A publisher of what was recorded; none for what can't be played.
+/// A publisher for a recorded topic; `None` if it can't be played.
 fn as_recorded(
     participant: &mut Participant,
     topic: &Topic,
@@ -159,7 +159,7 @@ fn as_recorded(
     participant.publisher_of(name, &MessageTypeName::new(package, type_name), schema, recorded(topic)).map(Some)
 }
 
-/// The QoS that was recorded; reliable where the bag says nothing.
+/// The recorded QoS; reliable if the bag has none.
 fn recorded(topic: &Topic) -> QosProfile {
     let Some(first) = topic.qos.first() else { return qos::reliable(10) };
     let depth = usize::try_from(first.depth).unwrap_or(0).clamp(10, 1000);

@@ -1,4 +1,4 @@
-//! The playback thread: publishes what the player says is due, and `/clock`.
+//! The playback thread: publishes the messages that the player returns, and `/clock`.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 
 use super::outputs::Outputs;
-use crate::rig::{Player, Step, Stretch};
+use needle_rig::{Player, Step, Stretch};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::rosgraph_msgs::Clock;
 use rosbag2_mcap::{BagReader, Message};
 
-/// What the services ask of the playback thread.
+/// Commands of the services to the playback thread.
 pub(super) enum Command {
     SetPaused(bool),
     Toggle,
@@ -20,15 +20,15 @@ pub(super) enum Command {
     Seek(i64, Sender<bool>),
     PlayNext(Sender<bool>),
     Burst(u64, Sender<u64>),
-    /// Offset from the start of the bag, and how far.
+    /// Offset from the start of the bag, and where to stop.
     Play(Duration, Stretch, Sender<bool>),
-    /// Ends the playing.
+    /// Ends the playback.
     Stop,
     /// Ends the node.
     Quit,
 }
 
-/// How late messages left, against the time at which they were due.
+/// Delays of messages relative to their due times.
 #[derive(Debug)]
 pub(super) struct Report {
     pub played: u64,
@@ -36,7 +36,8 @@ pub(super) struct Report {
     pub losses: Vec<String>,
 }
 
-/// Plays until the end or `Stop` (with `stay`, only to wait for more), `Quit`, or until `commands` is closed.
+/// Plays until the end or `Stop` (with `stay`, it then waits for further commands), `Quit`, or until `commands` is
+/// closed.
 pub(super) fn run(
     mut player: Player,
     outputs: &Outputs,
@@ -54,25 +55,25 @@ pub(super) fn run(
     playback.report(&player)
 }
 
-/// What follows a step.
+/// The next action after a step.
 enum Next {
-    /// Another one.
+    /// Another step.
     Again,
-    /// Nothing, until this time or a command.
+    /// Wait until this time or for a command.
     Wait(Instant),
-    /// The end.
+    /// End.
     Over,
 }
 
 struct Playback<'a> {
     outputs: &'a Outputs,
     late: hdrhistogram::Histogram<u64>,
-    /// Messages that could not be played, by topic, and why the first could not.
+    /// Messages that could not be played, by topic, and the reason for the first.
     refused: BTreeMap<usize, (u64, String)>,
     bag: BagReader,
-    /// There is nothing more to play until somebody asks for it.
+    /// Whether the end was reached; it waits for a command.
     ended: bool,
-    /// Wait for more at the end.
+    /// Whether to wait for commands at the end.
     stay: bool,
     clock_due: Instant,
 }
@@ -85,7 +86,7 @@ impl<'a> Playback<'a> {
         Self { outputs, late, refused, bag, ended: false, stay, clock_due: Instant::now() }
     }
 
-    /// The delay; false if the node stops meanwhile.
+    /// Waits for the initial delay; false if the node stops meanwhile.
     fn wait(&mut self, player: &mut Player, commands: &Receiver<Command>, delay: Duration) -> bool {
         let begin = Instant::now() + delay;
         while !delay.is_zero() {
@@ -98,7 +99,7 @@ impl<'a> Playback<'a> {
         true
     }
 
-    /// One step, and the wait behind it; false at the end.
+    /// One step, and the wait after it; false at the end.
     fn go_on(&mut self, player: &mut Player, commands: &Receiver<Command>) -> bool {
         let now = Instant::now();
         self.tick(player, now);
@@ -133,7 +134,7 @@ impl<'a> Playback<'a> {
             Step::Publish(message) => self.publish(player, message),
             Step::Looped => {
                 tracing::info!("the bag starts anew");
-                // Who lives in this time hears of the jump before the first message.
+                // Subscribers of the clock must receive the jump before the first message.
                 self.clock_due = now;
             }
             Step::Ended if !self.stay => return Next::Over,
@@ -151,7 +152,7 @@ impl<'a> Playback<'a> {
     fn publish(&mut self, player: &Player, message: Message) {
         let due = player.clock().due(i64::try_from(message.log_ns).unwrap_or(i64::MAX));
         let late = due.map(|due| Instant::now().saturating_duration_since(due));
-        // What was due before the start (latched messages) is not late.
+        // Messages from before the start (latched messages) are not late.
         if let Some(late) = late.filter(|late| *late < Duration::from_secs(60))
             && self.outputs.plays(message.topic)
         {
@@ -190,7 +191,7 @@ impl<'a> Playback<'a> {
                 self.ended &= !done;
                 answer(&reply, done);
             }
-            // As rosbag2: only a player that does not play can be started.
+            // As in rosbag2: only a player that is not playing can be started.
             Command::Play(offset, stretch, reply) => {
                 let idle = std::mem::take(&mut self.ended);
                 if idle {
@@ -208,7 +209,7 @@ impl<'a> Playback<'a> {
                 answer(&reply, played);
             }
             Command::Stop => self.ended = true,
-            // Handled where the commands are taken.
+            // Handled where the commands are received.
             Command::Quit => {}
         }
     }
@@ -237,9 +238,9 @@ fn answer<T>(reply: &Sender<T>, value: T) {
     let _ = reply.try_send(value);
 }
 
-/// Linux may wake a sleeper 50 us late to save power; a player of recordings must not be.
+/// Disables Linux's timer slack of 50 us, which saves power but delays messages.
 fn precise_timers() {
     #[cfg(target_os = "linux")]
-    // Where the system refuses, the player is a little less punctual.
+    // If the system refuses, the player is slightly less punctual.
     let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
 }

@@ -1,13 +1,17 @@
-//! Whether it is safe to go on, for whoever drives the needle: `safety`, which says why not and how old its evidence is, and
-//! `safe_to_go_on`, the same as a bare truth value.
+//! Reports whether it is safe to continue the insertion: `safety`, with the reasons and the age of the evidence, and
+//! `safe_to_go_on`, the same as a boolean.
 //!
-//! A yes needs evidence that is fresh by two clocks: a pose that came within `guard_timeout_s` and whose stamp is no further than that
-//! from now, on either side, and that was answered and published; with a `residual_band_n`, a reading of the load cell that is as fresh,
-//! and that agrees with the prediction as a vector. What came is never made younger by comparing it once more. After a no a yes needs all
-//! of it for [`HOLD`] without a break, and after a disagreement the residual must come back to half of the band: a prediction that
-//! passes a wrong reading by chance is no agreement.
+//! A report of "safe" needs fresh evidence. A pose must have been received within `guard_timeout_s`, with a stamp no
+//! further than that from the present time in either direction; and its answer must have been published. With a
+//! `residual_band_n`, a reading of the load cell must be equally fresh and agree with the prediction as a vector. A
+//! repeated comparison does not renew the age of its data.
 //!
-//! A no is published at once, a yes at the steady rate. A node that is frozen or dead says nothing, so silence means no as well.
+//! After a report of "not safe", all conditions must hold for [`HOLD`] without interruption. After a disagreement,
+//! the residual must also fall to half of the band. So a prediction that passes a wrong reading by chance does not
+//! count as agreement.
+//!
+//! "Not safe" is published at once, "safe" at a fixed rate. A suspended or dead node publishes nothing, so silence
+//! also means "not safe".
 
 use std::time::{Duration, Instant};
 
@@ -24,26 +28,27 @@ use ros2_node::parameters::Parameters;
 use ros2_node::participant::{Output, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// All must have been well for so long after a no.
+/// Time for which all conditions must hold after a report of "not safe".
 const HOLD: Duration = Duration::from_millis(100);
 
-/// Longest distance of a force from the load cell's origin, m: the force acts on the instrument between its tip, `load_cell_height_m` below
-/// that origin, and where it enters the tissue. An error of the force times this is an error of the torque.
+/// Longest distance of a force from the load cell's origin, m. The force acts on the instrument between its tip,
+/// `load_cell_height_m` below that origin, and its point of entry. The error of the force times this length bounds
+/// that of the torque.
 pub(super) fn lever_m(scene: &Scene) -> f64 {
     let height_m = scene.instrument.map_or(0.0, |instrument| instrument.load_cell_height.get());
     scene.motion.as_ref().map_or(0.0, |motion| motion.depth.get()).max(height_m)
 }
 
-/// Now, by the clocks that evidence is held against.
+/// The present time of the clocks with which evidence is compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Now {
     /// Monotonic.
     pub steady: Instant,
-    /// The node's time, in which stamps are, ns; `None` while simulated time has not begun.
+    /// The node's time, the time base of stamps, ns; `None` before simulated time has begun.
     pub node_nanos: Option<i64>,
 }
 
-/// A message: its stamp, and when it came.
+/// A message: its stamp, and the time of its reception.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub stamp_nanos: i64,
@@ -51,13 +56,13 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Time since it came, s.
+    /// Time since its reception, s.
     fn waited_s(&self, now: &Now) -> f64 {
         now.steady.saturating_duration_since(self.received).as_secs_f64()
     }
 
-    /// Time since its stamp, s: negative for one from the future.
-    #[allow(clippy::cast_precision_loss)] // a span
+    /// Time since its stamp, s: negative for a stamp in the future.
+    #[allow(clippy::cast_precision_loss)] // a duration
     fn since_stamp_s(&self, now: &Now) -> f64 {
         now.node_nanos.map_or(Safety::NEVER, |nanos| nanos.saturating_sub(self.stamp_nanos) as f64 * 1e-9)
     }
@@ -67,7 +72,7 @@ impl Seen {
         self.waited_s(now).max(self.since_stamp_s(now))
     }
 
-    /// Why it is no evidence of the present, if it is not.
+    /// Why it is not evidence of the present state; `None` if it is.
     fn stale(&self, what: &str, now: &Now, timeout_s: f64) -> Option<String> {
         let (waited_s, since_s) = (self.waited_s(now), self.since_stamp_s(now));
         if waited_s > timeout_s {
@@ -83,23 +88,23 @@ impl Seen {
     }
 }
 
-/// What a yes is made of, and what has been said.
+/// The evidence, and the last report.
 #[derive(Debug)]
 pub(super) struct Assured {
     lever_m: f64,
     /// The newest pose whose answer was published, its force in N and the instrument's axis.
     pose: Option<(Seen, f64, [f64; 3])>,
-    /// The newest comparison with the load cell that was valid.
+    /// The newest valid comparison with the load cell.
     pub agreement: Option<Agreement>,
     pub cell: Cell,
-    /// The load cell has disagreed since all was well.
+    /// Whether the load cell has disagreed since all conditions held last.
     disagreed: bool,
     well_since: Option<Instant>,
-    /// The last word.
+    /// The last report.
     safe: bool,
 }
 
-/// A judgement with the figures behind it.
+/// A judgement with its figures.
 #[derive(Clone, Debug, Default)]
 struct Verdict {
     reasons: Vec<String>,
@@ -117,19 +122,19 @@ impl Assured {
         Self { lever_m, pose: None, agreement: None, cell, disagreed: false, well_since: None, safe: false }
     }
 
-    /// An answer was published.
+    /// Notes that an answer was published.
     pub fn answered(&mut self, answer: &Answer) {
         let seen = Seen { stamp_nanos: answer.stamp.nanos(), received: answer.received };
         let force_n = answer.prediction.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
         self.pose = Some((seen, force_n, answer.pose.pose.axis));
     }
 
-    /// The tissue is undeformed again: what was said before is of another run.
+    /// Resets with the tissue: earlier evidence belongs to another run.
     pub fn reset(&mut self) {
         (self.pose, self.agreement, self.well_since) = (None, None, None);
     }
 
-    /// Judges the evidence. `denials`: what else speaks against it.
+    /// Judges the evidence. `denials`: further reasons against "safe".
     fn judge(&mut self, denials: Vec<String>, settings: &Settings, now: &Now) -> Verdict {
         let timeout_s = settings.guard_timeout_s;
         let mut verdict = Verdict {
@@ -156,7 +161,7 @@ impl Assured {
         self.cell.usable.map(|(stamp_nanos, received)| Seen { stamp_nanos, received })
     }
 
-    /// What the load cell has against it, where it is asked.
+    /// The load cell's reason against "safe", if it is used.
     fn ask_cell(&mut self, verdict: &mut Verdict, settings: &Settings, now: &Now) -> Option<String> {
         let (band_n, timeout_s) = (settings.residual_band_n, settings.guard_timeout_s);
         if band_n <= 0.0 {
@@ -174,7 +179,8 @@ impl Assured {
         let Some(agreement) = self.agreement else {
             return Some("no prediction has been compared with the load cell yet".to_owned());
         };
-        // Compared are a pose and a reading that came one period after it: neither is the newest any more.
+        // The pose and the reading of a comparison; the reading came up to one period later. Neither may be the
+        // newest any more.
         let compared = agreement.pose_received.min(agreement.reading_received);
         let compared_s = now.steady.saturating_duration_since(compared).as_secs_f64();
         if compared_s > 2.0 * timeout_s {
@@ -219,7 +225,7 @@ impl Assured {
         }
     }
 
-    /// After a no, all must be well for a while.
+    /// After a report of "not safe", requires all conditions to hold for a while.
     fn hold(&mut self, verdict: &mut Verdict, now: Instant) {
         if !verdict.reasons.is_empty() {
             self.well_since = None;
@@ -251,8 +257,8 @@ pub(super) struct Assurance {
 }
 
 impl Assurance {
-    /// A message that is older than `guard_timeout_s` proves nothing, so that the middleware itself drops it (lifespan) and says that none
-    /// came in time (deadline).
+    /// A message older than `guard_timeout_s` proves nothing. So the middleware drops it (lifespan) and reports if
+    /// none came in time (deadline).
     pub fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
         let timeout = Duration::try_from_secs_f64(parameters.get(GUARD_TIMEOUT_S)).ok();
         let mut profile = qos::reliable(1);
@@ -263,7 +269,7 @@ impl Assurance {
         })
     }
 
-    /// Says that it is not safe: the last word of a node that ends.
+    /// Publishes "not safe": the last message of a node that ends.
     pub fn deny(&self, frame_id: &str, shared: &Shared) {
         self.bare.send(Bool { data: false });
         let header = Header { stamp: shared.clock.stamp(), frame_id: frame_id.to_owned() };
@@ -281,15 +287,15 @@ impl Assurance {
         });
     }
 
-    /// Whether anyone listens.
+    /// Whether there is a subscriber.
     pub fn is_wanted(&self) -> bool {
         self.bare.is_wanted() || self.safety.is_wanted()
     }
 
-    /// Publishes if it is due, or turns into a no.
+    /// Publishes if it is due, or if the report changes to "not safe".
     pub fn publish(&self, frame_id: &str, assured: &mut Assured, shared: &Shared, is_due: bool) {
         if !self.is_wanted() {
-            // who comes to listen gets no yes from before
+            // a new subscriber must not get an earlier "safe"
             assured.safe = false;
             return;
         }
@@ -333,7 +339,7 @@ impl Assured {
     }
 }
 
-/// What the node itself has against a yes.
+/// The node's own reasons against "safe".
 fn denials(live: &Live, shared: &Shared, settings: &Settings) -> Vec<String> {
     let mut denials = judge(live, shared, settings, &Around::default()).denials;
     for (doubt, words) in live.doubts(settings.input_timeout_s) {

@@ -1,9 +1,9 @@
-//! Predicted against measured force while the node runs.
+//! Compares predicted and measured force at run time.
 //!
-//! A reading counts for a pose if it lies round the pose's stamp: two readings no more than [`MAX_GAP_NANOS`] apart are
-//! interpolated. Until the later of the two is here the prediction waits, at most [`PATIENCE`] of wall time.
+//! A pose is compared with the readings around its stamp: two readings no more than [`MAX_GAP_NANOS`] apart are
+//! interpolated. The prediction waits for the later of the two, at most [`PATIENCE`] of wall time.
 //!
-//! What a comparison proves is as old as the pose and the reading behind it, by the times at which they came ([`Agreement`]).
+//! A comparison is as old as its pose and its reading, by their times of reception ([`Agreement`]).
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -19,43 +19,43 @@ use ros2_messages::std_msgs::Header;
 
 const MAX_GAP_NANOS: i64 = 100_000_000;
 const PATIENCE: Duration = Duration::from_millis(200);
-/// Readings and waiting predictions that are kept: seconds at any sensible rate.
+/// Number of stored readings and waiting predictions: seconds at any sensible rate.
 const KEPT: usize = 4096;
 
-/// What the load cell said.
+/// A reading of the load cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading {
     pub stamp_nanos: i64,
-    /// When it came.
+    /// Time of reception.
     pub received: Instant,
     pub force_n: [f64; 3],
-    /// About the load cell's origin.
+    /// Torque about the load cell's origin, N m.
     pub torque_nm: [f64; 3],
 }
 
-/// How a prediction and a reading agree, and when the two came.
+/// Agreement of a prediction and a reading, and their times of reception.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Agreement {
     pub pose_received: Instant,
     pub reading_received: Instant,
-    /// Length of the difference over the components that are measured, N.
+    /// Length of the difference over the measured components, N.
     pub error_n: f64,
-    /// The same of the torque, where it is measured, N m.
+    /// The same for the torque, if it is measured, N m.
     pub error_nm: Option<f64>,
     /// Length of the measured force, N.
     pub measured_n: f64,
 }
 
-/// The state of the load cell by its newest readings.
+/// The state of the load cell according to its newest readings.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cell {
-    /// Stamp and arrival of the newest reading that can be compared.
+    /// Stamp and time of reception of the newest reading that can be compared.
     pub usable: Option<(i64, Instant)>,
-    /// Why the newest reading can't be: a `LOAD_CELL_` constant.
+    /// Why the newest reading can't be compared: a `LOAD_CELL_` constant.
     pub fault: Option<u8>,
 }
 
-/// Readings whose stamps are within this of the newest make up the tare.
+/// Readings whose stamps are within this time of the newest are averaged for the tare.
 const TARE_NANOS: i64 = 100_000_000;
 
 /// See the module.
@@ -65,9 +65,9 @@ pub(super) struct Comparator {
     waiting: VecDeque<(Answer, Instant)>,
     tare_n: [f64; 3],
     squares: f64,
-    /// The same of the vectors' differences, N^2.
+    /// Sum of squares of the vectors' differences, N^2.
     vector_squares: f64,
-    /// Components that the load cell has ever read.
+    /// Components for which the load cell has ever given a value.
     read: [bool; 3],
     max_abs: f64,
     samples: u64,
@@ -78,7 +78,7 @@ pub(super) struct Comparator {
     /// The newest prediction along the instrument, N.
     predicted_n: f64,
     tare_nm: [f64; 3],
-    /// Components of the torque that the load cell has ever read.
+    /// Components of the torque for which the load cell has ever given a value.
     read_torque: [bool; 3],
     axes: MeasuredAxes,
     /// Stamp of the first reading of the present run.
@@ -92,12 +92,12 @@ fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
 }
 
 impl Comparator {
-    /// Compares, and identifies what is asked for.
+    /// Compares forces, and runs the identification if it is configured.
     pub fn new(identification: Option<Identification>) -> Self {
         Self { identification, ..Self::default() }
     }
 
-    /// Takes a reading. `range_n`: where the load cell ends, N, 0 if that is not known; `band_n`: the disagreement that is tolerated.
+    /// Takes a reading. `range_n`: range of the load cell, N, 0 if it is not known; `band_n`: tolerated disagreement.
     pub fn measured(&mut self, mut reading: Reading, range_n: f64, band_n: f64) {
         self.leave_out_what_is_not_measured(&mut reading);
         let Reading { stamp_nanos, received, force_n, .. } = reading;
@@ -106,7 +106,7 @@ impl Comparator {
             self.cell.fault = Some(ForceComparison::LOAD_CELL_NOT_FINITE);
             return;
         }
-        // A jump back (a bag was looped): what came before belongs to another run.
+        // A jump back (a bag was looped): earlier readings belong to another run.
         if self.readings.back().is_some_and(|last| stamp_nanos <= last.stamp_nanos) {
             if self.readings.back().is_some_and(|last| last.stamp_nanos - stamp_nanos < MAX_GAP_NANOS) {
                 return;
@@ -130,7 +130,7 @@ impl Comparator {
         self.readings.push_back(reading);
     }
 
-    /// The load cell by its newest readings.
+    /// The state of the load cell according to its newest readings.
     pub const fn cell(&self) -> Cell {
         self.cell
     }
@@ -139,7 +139,7 @@ impl Comparator {
         self.axes.note(&reading.force_n);
         reading.force_n = self.axes.force(reading.force_n).unwrap_or([f64::NAN; 3]);
         for k in 0..3 {
-            // a torque is a second opinion: without it there is still the force
+            // the torque is optional: without it the force is still compared
             let read = reading.torque_nm[k].is_finite() && reading.torque_nm[k] != 0.0;
             self.read_torque[k] |= read;
             if !self.read_torque[k] {
@@ -159,11 +159,11 @@ impl Comparator {
         self.waiting.push_back((answer, Instant::now()));
     }
 
-    /// Takes the readings of the last tenth of a second as zero. `range_n`: where the load cell ends, N; 0 if that is not known.
-    /// `band_n`: by how much it may move, N; 0: by anything.
+    /// Takes the mean of the readings in the last tenth of a second as zero. `range_n`: range of the load cell, N; 0
+    /// if it is not known. `band_n`: largest change of the zero, N; 0: no limit.
     ///
     /// # Errors
-    /// Why there is no such reading, or why it can't be taken.
+    /// Why there is no such reading, or why the tare is rejected.
     pub fn tare(&mut self, range_n: f64, band_n: f64) -> Result<[f64; 3], String> {
         let newest = self.readings.back().ok_or("no load-cell reading has come")?.stamp_nanos;
         let recent = self.readings.iter().rev().take_while(|r| newest - r.stamp_nanos <= TARE_NANOS);
@@ -190,12 +190,12 @@ impl Comparator {
         }
         (self.tare_n, self.tare_nm) = (tare_n, [mx, my, mz].map(|m| if m.is_finite() { m } else { 0.0 }));
         self.clear_statistics();
-        // With another zero, what was learnt of the offset is not true any more.
+        // With another zero, the identified offset is no longer valid.
         self.identification.iter_mut().for_each(Identification::reset);
         Ok(self.tare_n)
     }
 
-    /// Forgets everything but the tare.
+    /// Resets everything except the tare.
     pub fn reset(&mut self) {
         let mut identification = self.identification.take();
         identification.iter_mut().for_each(Identification::reset);
@@ -226,12 +226,12 @@ impl Comparator {
         (self.samples > 0).then(|| ((self.squares / self.samples as f64).sqrt(), self.max_abs))
     }
 
-    /// Whether the load cell has read more than one component.
+    /// Whether the load cell has given more than one component.
     fn measures_vectors(&self) -> bool {
         self.read.iter().filter(|read| **read).count() > 1
     }
 
-    /// Root mean square of the vectors' differences so far, N; 0 where only one component is measured.
+    /// Root mean square of the vectors' differences so far, N; 0 if only one component is measured.
     #[allow(clippy::cast_precision_loss)]
     fn rmse_vector(&self) -> f64 {
         if self.samples > 0 && self.measures_vectors() {
@@ -241,7 +241,7 @@ impl Comparator {
         }
     }
 
-    /// The next comparison that can be made, if any, and what it proves if it is valid.
+    /// The next possible comparison, if any, and the agreement if it is valid.
     pub fn next(&mut self, frame_id: &str, range_n: f64) -> Option<(ForceComparison, Option<Agreement>)> {
         let (answer, since) = *self.waiting.front()?;
         let stamp = answer.stamp.nanos();
@@ -339,7 +339,8 @@ impl Comparator {
         })
     }
 
-    /// The reading at a time and the stamp of the reading nearest to it. One between two came with the later of them.
+    /// The reading at a time, and the stamp of the nearest reading. An interpolated reading has the time of reception
+    /// of the later one.
     #[allow(clippy::cast_precision_loss)] // differences of stamps
     fn reading_at(&self, stamp: i64) -> Option<(Reading, i64)> {
         let after = self.readings.partition_point(|r| r.stamp_nanos < stamp);
@@ -381,7 +382,7 @@ mod tests {
     use needle_core::twin::{Health, Phase, Pose, Prediction, StampedPose, Work};
     use ros2_messages::builtin_interfaces::Time;
 
-    /// Takes a reading that came at its stamp.
+    /// Takes a reading received at its stamp.
     fn hear(c: &mut Comparator, stamp_nanos: i64, force_n: [f64; 3], range_n: f64) {
         c.measured(Reading { stamp_nanos, received: Instant::now(), force_n, torque_nm: [0.0; 3] }, range_n, 0.0);
     }

@@ -151,7 +151,7 @@ fn is_address(value: &ParameterValue) -> Result<(), String> {
     }
 }
 
-/// Everything but the scene's keys.
+/// All declarations except the scene's keys.
 pub(super) fn declarations() -> Vec<Declaration> {
     let mut all = common_declarations();
     all.extend(recorder::declarations());
@@ -159,7 +159,7 @@ pub(super) fn declarations() -> Vec<Declaration> {
     all
 }
 
-/// What the threads need of the parameters, read once per change.
+/// Parameters used by the threads, read once per change.
 #[derive(Clone, Debug)]
 pub(super) struct Settings {
     pub joint_name: String,

@@ -1,4 +1,4 @@
-//! The force thread: the one place through which a prediction leaves.
+//! The force thread: all predictions are published here.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -21,27 +21,28 @@ use ros2_node::parameters::Parameters;
 use ros2_node::participant::{Output, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// A first pose deeper than this is no beginning: a driver at 100 mm/s goes so far between two poses of 100 Hz.
+/// A first pose deeper than this is not the start of an insertion: a driver at 100 mm/s covers this distance between
+/// two poses at 100 Hz.
 const SEEN_FROM_M: f64 = 1e-3;
 
-/// Time between two lines on refused poses.
+/// Shortest interval between two log lines about refused poses.
 const SAID_AGAIN: Duration = Duration::from_secs(1);
 
-/// Time between two looks whether somebody has come to listen to `safe_to_go_on`.
+/// Interval of the checks for a subscriber of `safe_to_go_on`.
 const UNHEARD: Duration = Duration::from_millis(100);
 
-/// Events that a late subscriber still gets.
+/// Number of events that a late subscriber receives.
 const EVENTS: usize = 100;
 
-/// What has been seen to happen.
+/// The events detected so far.
 pub(super) struct Seen {
     number: u64,
-    /// Of a needle, in the measured force.
+    /// Detector of punctures in the measured force of a needle.
     crossings: Option<Crossings>,
 }
 
 impl Seen {
-    /// With a needle of a diameter, m.
+    /// For a needle with a diameter, m.
     pub fn new(needle: Option<f64>) -> Self {
         Self { number: 0, crossings: needle.map(Crossings::new) }
     }
@@ -142,7 +143,7 @@ pub(super) fn run(
             }
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => {
-                // The last message: a node that ends says that it is not safe to go on.
+                // The last message: a node that ends reports that it is not safe to continue.
                 outputs.assurance.deny(frame_id, shared);
                 return;
             }
@@ -155,15 +156,15 @@ pub(super) fn run(
             if !outputs.assurance.is_wanted() {
                 period = period.max(UNHEARD);
             }
-            // Absolute deadlines; what was missed is skipped, not caught up.
+            // Absolute deadlines; missed ones are skipped.
             due = if now - due > period { now + period } else { due + period };
         }
         outputs.assurance.publish(frame_id, &mut said, shared, is_due);
     }
 }
 
-/// Takes the present reading as zero. Inside tissue it is the tissue's force, and taken as zero it would hide what the load cell is
-/// there to show.
+/// Takes the present reading as zero. Inside tissue the reading contains the tissue's force; a tare would hide the
+/// force that the load cell must show.
 fn tare(shared: &Shared, comparator: &mut Comparator, forced: bool) -> Result<[f64; 3], String> {
     let settings = shared.settings();
     let depth_m = shared.lock().last.map_or(0.0, |answer| answer.prediction.depth_m);
@@ -176,7 +177,7 @@ fn tare(shared: &Shared, comparator: &mut Comparator, forced: bool) -> Result<[f
     comparator.tare(settings.load_cell_range_n, if forced { 0.0 } else { settings.residual_band_n })
 }
 
-/// Nothing that is not finite leaves: every number of a prediction passes here.
+/// Whether all numbers of a prediction are finite; others are not published.
 pub(super) fn is_finite(prediction: &Prediction) -> bool {
     let health = &prediction.health;
     let forces = prediction.force_n.iter().chain(&prediction.base_force_n).chain(&prediction.torque_nm);
@@ -191,7 +192,7 @@ pub(super) fn is_finite(prediction: &Prediction) -> bool {
     forces.chain(&figures).all(|v| v.is_finite())
 }
 
-/// Publishes an answer; false if it must not leave.
+/// Publishes an answer; false if it must not be published.
 fn answered(
     outputs: &ForceOutputs,
     frame_id: &str,
@@ -211,7 +212,7 @@ fn answered(
         notice_gap(&mut live, answer, timeout);
         live.under_way = None;
         live.answer(answer);
-        // After a divergence nothing goes out until the reset; a node that is not active is silent.
+        // After a divergence nothing is published until the reset; an inactive node publishes nothing.
         let withheld = late || live.halted.is_some() || !shared.is_active();
         live.withheld += u64::from(withheld);
         live.window.withheld += u64::from(withheld);
@@ -233,7 +234,7 @@ fn answered(
     true
 }
 
-/// Says which region the tip is in, when it is another one.
+/// Logs the tip's region when it changes.
 fn entered(outputs: &ForceOutputs, shared: &Shared, said: &mut Option<String>) {
     let live = shared.lock();
     if said.as_deref() != Some(live.region()) {
@@ -244,7 +245,7 @@ fn entered(outputs: &ForceOutputs, shared: &Shared, said: &mut Option<String>) {
     }
 }
 
-/// Notes an event for the page; the name of its region.
+/// Notes an event for the page; returns the name of its region.
 fn noted(shared: &Shared, stamp: Time, event: &needle_core::twin::Event) -> String {
     let mut live = shared.lock();
     let region = live.along.name_of(event.region()).to_owned();
@@ -253,7 +254,7 @@ fn noted(shared: &Shared, stamp: Time, event: &needle_core::twin::Event) -> Stri
     region
 }
 
-/// Publishes an event, unless the node is to be silent.
+/// Publishes an event, unless the node must be silent.
 fn happened(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, number: u64, sighting: &Sighting) {
     if !shared.is_active() {
         return;
@@ -278,7 +279,8 @@ fn happened(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, number: u64
     }
 }
 
-/// Publishes a membrane that the measured force says has broken; no model has a part in it, so it goes out while the twin is wrong as well.
+/// Publishes a puncture detected in the measured force. It does not depend on the model, so it is published even
+/// while the twin is wrong.
 fn crossed(outputs: &ForceOutputs, shared: &Shared, header: Header, number: u64, crossing: &Crossing) {
     let (stamp_nanos, depth_m) = (header.stamp.nanos(), crossing.depth_m);
     let Crossing { time_s, seen_s, force_before_n, force_after_n, .. } = *crossing;
@@ -303,7 +305,7 @@ fn crossed(outputs: &ForceOutputs, shared: &Shared, header: Header, number: u64,
     });
 }
 
-/// Notes how far the twin has come on its way to a pose that was far away.
+/// Notes the progress of the twin's motion to a distant pose.
 fn under_way(shared: &Shared, progress: Option<Progress>) {
     let mut live = shared.lock();
     let Some(progress) = progress else {
@@ -321,7 +323,7 @@ fn under_way(shared: &Shared, progress: Option<Progress>) {
     live.under_way = Some(progress);
 }
 
-/// Says what was not seen of the instrument's way: before the first pose, and while no poses came.
+/// Reports the part of the instrument's motion that was not observed: before the first pose, and while no poses came.
 fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
     let depth_m = answer.prediction.depth_m;
     let Some(last) = live.last else {
@@ -337,7 +339,7 @@ fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
     if depth_m <= 0.0 {
         live.first_seen_m = None;
     }
-    // what it took to get there is no gap
+    // the time of the motion to a distant pose is no gap
     let came = live.under_way.map_or(answer.received, |progress| progress.since);
     let gap_s = came.saturating_duration_since(last.received).as_secs_f64();
     if gap_s > timeout_s {
@@ -359,7 +361,7 @@ fn refused(shared: &Shared, depth_m: f64, reason: String, refusals: &mut Throttl
         return;
     }
     live.reject(Reject::ByTwin);
-    // a reason that holds figures is another one for each pose
+    // a reason with numbers differs for each pose
     if live.refused.as_ref() != Some(&reason)
         && let Some(held) = refusals.pass()
     {

@@ -1,5 +1,5 @@
-//! The housekeeping thread: services, discovery, status, diagnostics and `/rosout`. Nothing in it is urgent, and
-//! nothing that a peer does to it reaches the solver.
+//! The housekeeping thread: services, discovery, status, diagnostics and `/rosout`. None of its work is urgent, and
+//! peers can't affect the solver through it.
 
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
@@ -35,11 +35,11 @@ use ros2_node::rosout::Rosout;
 use ros2_node::service::Service;
 use ros2_node::start::USE_SIM_TIME;
 
-/// Longest time between two looks at anything that rings no bell.
+/// Longest interval between two checks of anything that does not ring the bell.
 const TICK: Duration = Duration::from_millis(100);
-/// Time between two lines about what the node waits for.
+/// Interval between two log lines about missing inputs.
 const WAITING: Duration = Duration::from_secs(5);
-/// The same where nothing has changed.
+/// The largest interval if nothing has changed.
 const LONGEST_WAITING: Duration = Duration::from_secs(640);
 
 type Trigger = Service<TriggerRequest, TriggerResponse>;
@@ -61,15 +61,15 @@ pub(super) struct Housekeeping {
     rivals: Rivals,
     instance: String,
     node: String,
-    /// When the last pose came, if they have stopped since.
+    /// Time of the last pose, if poses have stopped.
     lost: Option<Instant>,
     warned_of_clocks: bool,
     watch: Watch,
-    /// The model has been published.
+    /// Whether the model has been published.
     started: bool,
 }
 
-/// What it reaches of the other threads.
+/// Its access to the other threads.
 pub(super) struct Context {
     pub frame_id: String,
     pub inbox: Arc<Inbox>,
@@ -85,7 +85,7 @@ pub(super) struct Context {
 }
 
 impl Housekeeping {
-    /// Makes the endpoints.
+    /// Creates the endpoints.
     pub fn new(
         participant: &mut Participant,
         parameters: &Arc<Parameters>,
@@ -149,7 +149,7 @@ impl Housekeeping {
             }
             if now >= waiting_due {
                 let line = status::waiting(&self.shared.lock(), &self.shared, &self.wishes, begun, context.reach);
-                // the same again is said ever more seldom
+                // an unchanged line is repeated at growing intervals
                 pause = if line.is_some() && line == said { (2 * pause).min(LONGEST_WAITING) } else { WAITING };
                 waiting_due = now + pause;
                 if let Some(line) = &line {
@@ -169,7 +169,7 @@ impl Housekeeping {
         context.rosout.publish();
     }
 
-    /// Answers a lifecycle manager, and makes a change of the node's own accord.
+    /// Answers a lifecycle manager, and makes changes on the node's own initiative.
     fn manage(&mut self, context: &Context, own: Option<&str>) {
         let Self { lifecycle, shared, .. } = self;
         let mut act = |change| {
@@ -191,8 +191,8 @@ impl Housekeeping {
         shared.set_state(lifecycle.state());
     }
 
-    /// The model is there, or can't be built. It is published once, since the same scene gives the same model; a node
-    /// that activates itself answers poses by then.
+    /// Handles the model, or the failure to build it. It is published once, since the same scene gives the same
+    /// model. A node that activates automatically answers poses from then on.
     fn configured(&mut self, context: &Context, built: Option<&Model>) {
         self.lifecycle.finish(built.is_some(), &self.shared.clock);
         self.shared.set_state(self.lifecycle.state());
@@ -204,7 +204,7 @@ impl Housekeeping {
         self.model.send(built.message(self.shared.clock.stamp(), &context.frame_id));
     }
 
-    /// Says when the poses stop and when they are back, and when two make the time.
+    /// Logs when poses stop and when they return, and when there are two publishers of the time.
     fn watch_input(&mut self) {
         let clock_gone = self.clock_gone();
         let timeout = self.shared.settings().input_timeout_s;
@@ -239,7 +239,7 @@ impl Housekeeping {
         }
     }
 
-    /// Looks at units, signs and alignment of what is measured; the lock is held for a copy only.
+    /// Checks units, signs and alignment of the measurement; the lock is held only for a copy.
     fn watch_measurement(&mut self) {
         let seen = {
             let live = self.shared.lock();
@@ -294,7 +294,7 @@ impl Housekeeping {
         TriggerResponse { success: true, message: "the twin starts anew from the undeformed state".to_owned() }
     }
 
-    /// Notes the moment of the last answer, for viewers of the page and in the log, and so in a recording.
+    /// Records the time of the last answer, for viewers of the page and in the log, and thereby in a recording.
     fn mark(&self, text: &str) -> TriggerResponse {
         let text = terminal::line(text);
         let mut live = self.shared.lock();

@@ -1,4 +1,4 @@
-//! Identification in the force thread: what the parameter `identify` asks for, and what is said about it.
+//! Identification in the force thread, as configured by the parameter `identify`, and the publication of its results.
 //!
 //! The solver thread is not involved.
 
@@ -9,10 +9,10 @@ use needle_estimate::compare::identifier::{Identifier, Parameter, State};
 use ros2_messages::needle_twin::ForceComparison;
 use ros2_node::start::NodeError;
 
-/// Whether the names in a parameter's value can be identified.
+/// Checks that the names in a parameter's value can be identified.
 ///
 /// # Errors
-/// Which one can't, and which can.
+/// The invalid name, and the valid ones.
 pub(super) fn check(value: &ParameterValue) -> Result<(), String> {
     let ParameterValue::StringArray(names) = value else { return Ok(()) };
     match names.iter().find(|name| Parameter::of_name(name).is_none()) {
@@ -25,7 +25,7 @@ fn allowed() -> String {
     format!("these can: {}", Parameter::ALL.map(Parameter::name).join(", "))
 }
 
-/// The identifier, the names that it was asked for, and the stamp that it counts time from.
+/// The identifier, the requested names, and the stamp of its time 0.
 #[derive(Debug)]
 pub(super) struct Identification {
     identifier: Identifier,
@@ -34,10 +34,10 @@ pub(super) struct Identification {
 }
 
 impl Identification {
-    /// What a scene and the parameter ask for; `None` where nothing is to be identified.
+    /// The identification for a scene and the parameter; `None` if nothing is to be identified.
     ///
     /// # Errors
-    /// [`NodeError`] for a name that the scene doesn't have.
+    /// [`NodeError`] for a name that does not exist in the scene.
     pub fn new(scene: &Scene, names: &[String]) -> Result<Option<Self>, NodeError> {
         let mut wanted = Vec::new();
         for name in names {
@@ -74,14 +74,14 @@ impl Identification {
         Ok(Some(Self { identifier, wanted, origin_nanos: None }))
     }
 
-    /// Begins anew.
+    /// Restarts.
     pub fn reset(&mut self) {
         self.identifier.reset();
         self.origin_nanos = None;
     }
 
-    /// Takes a comparison, learns from it and writes what is known into it. `inserted`: the needle is in the tissue. `doubt_n`: how far the twin's force may
-    /// be off, N.
+    /// Updates with a comparison and writes the present estimates into it. `inserted`: the needle is in the tissue.
+    /// `doubt_n`: possible error of the twin's force, N.
     #[allow(clippy::cast_precision_loss)] // seconds of one run
     pub fn take(&mut self, message: &mut ForceComparison, stamp_nanos: i64, inserted: bool, doubt_n: f64) {
         let time_s = (stamp_nanos - *self.origin_nanos.get_or_insert(stamp_nanos)) as f64 * 1e-9;
@@ -143,7 +143,7 @@ mod tests {
         Identification::new(&Scene::preset("compression").unwrap(), &names).unwrap().unwrap()
     }
 
-    /// What is published of the reading number `i`, 200 a second, of a gel 20 % stiffer than the scene.
+    /// The published message for reading number `i`, at 200 Hz, with a gel 20 % stiffer than the scene.
     fn said(identification: &mut Identification, i: u32, load_cell: u8) -> ForceComparison {
         let predicted_n = 0.001 * f64::from(i.saturating_sub(150));
         let noise = if i.is_multiple_of(2) { 2e-4 } else { -2e-4 };

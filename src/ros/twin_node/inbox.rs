@@ -1,8 +1,7 @@
-//! The newest poses, handed from the input thread to the solver thread.
+//! Queue of the newest poses between the input thread and the solver thread.
 //!
-//! There is room for one pose, or for a burst of as many as the solver answers within two milliseconds: a newer one replaces the
-//! oldest that has not been begun, so the twin can never fall further behind than that. What was replaced is counted, never lost
-//! silently.
+//! It has room for one pose, or for as many as the solver answers within two milliseconds. A newer pose replaces the
+//! oldest one that the solver has not started, so the twin can't fall further behind. Replaced poses are counted.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -13,7 +12,7 @@ use super::tissue::Snapshot;
 use needle_core::twin::Pose;
 use ros2_messages::builtin_interfaces::Time;
 
-/// Where the instrument is.
+/// Position of the instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Where {
     /// Depth along the scene's own axis, m.
@@ -22,39 +21,39 @@ pub(super) enum Where {
     Pose(Pose),
 }
 
-/// A pose as it came in.
+/// A received pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PoseInput {
     /// Stamp of the message.
     pub stamp: Time,
-    /// When it arrived.
+    /// Time of its reception.
     pub received: Instant,
     /// The pose.
     pub place: Where,
 }
 
-/// What the solver has to do next.
+/// The solver's next work.
 pub(super) enum Work {
     Pose(PoseInput),
     Snapshot(Box<Snapshot>),
-    /// Send the double out with the present state.
+    /// Send the scratch copy out with the present state.
     LookAhead,
-    /// It is back.
+    /// The scratch copy was returned.
     Back(Box<Double>),
     Reset(&'static str),
     /// Build the twin.
     Build,
-    /// Forget the twin.
+    /// Discard the twin.
     Discard,
     Stop,
 }
 
-/// What became of earlier poses when a new one came.
+/// Effect of a new pose on earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Handoff {
-    /// A pose that had not been begun was replaced.
+    /// A pose that was not started was replaced.
     pub coalesced: bool,
-    /// The pose being answered is late: its successor is here.
+    /// The pose being answered is late: its successor has arrived.
     pub missed: bool,
 }
 
@@ -62,7 +61,7 @@ pub(super) struct Handoff {
 struct State {
     /// The oldest first.
     poses: VecDeque<PoseInput>,
-    /// Poses that there is room for; one at least.
+    /// Capacity; at least one.
     room: usize,
     snapshot: Option<Box<Snapshot>>,
     look_ahead: bool,
@@ -73,11 +72,11 @@ struct State {
     stop: bool,
     answering: bool,
     missed: bool,
-    /// What the solver has been given so far, and whether it is at it.
+    /// Number of works given to the solver, and whether it is active.
     given: u64,
     at_work: bool,
     building: bool,
-    /// A pose was answered since the last wish was fulfilled.
+    /// Whether a pose was answered since the last request was fulfilled.
     wish_turn: bool,
 }
 
@@ -107,25 +106,25 @@ impl Inbox {
         Handoff { coalesced, missed }
     }
 
-    /// Asks for the tissue's present state; false while an earlier wish is still open.
+    /// Requests the tissue's present state; false while an earlier request is pending.
     pub fn put_snapshot(&self, snapshot: Box<Snapshot>) {
         self.lock().snapshot = Some(snapshot);
         self.wake.notify_one();
     }
 
-    /// Asks for the double with the tissue's present state.
+    /// Requests the scratch copy with the tissue's present state.
     pub fn look_ahead(&self) {
         self.lock().look_ahead = true;
         self.wake.notify_one();
     }
 
-    /// Gives the double back.
+    /// Returns the scratch copy.
     pub fn give_back(&self, double: Box<Double>) {
         self.lock().back = Some(double);
         self.wake.notify_one();
     }
 
-    /// Asks for the undeformed state; a pose from before is forgotten.
+    /// Requests the undeformed state; earlier poses are discarded.
     pub fn reset(&self, reason: &'static str) {
         let mut state = self.lock();
         state.reset = Some(reason);
@@ -134,13 +133,13 @@ impl Inbox {
         self.wake.notify_one();
     }
 
-    /// Asks for a twin.
+    /// Requests a twin.
     pub fn build(&self) {
         self.lock().build = true;
         self.wake.notify_one();
     }
 
-    /// Asks to forget the twin, and what was meant for it.
+    /// Requests that the twin, and the work queued for it, be discarded.
     pub fn discard(&self) {
         let mut state = self.lock();
         state.discard = true;
@@ -154,14 +153,14 @@ impl Inbox {
         self.wake.notify_one();
     }
 
-    /// A number that identifies the solver's present or next work, and changes with it; `None` while
-    /// there is nothing to do, and while a model is built, which may take as long as it takes.
+    /// A number that identifies the solver's present or next work, and changes with it. `None` while there is nothing
+    /// to do, and while a model is built, which has no time limit.
     pub fn at_work(&self) -> Option<u64> {
         let state = self.lock();
         (state.at_work || (!state.poses.is_empty() && !state.building)).then_some(state.given)
     }
 
-    /// What there is to do beside the work that the solver is at; `None`: nothing, and it goes on. Either is a sign of life.
+    /// Further work for a busy solver; `None`: it continues. Either call is a sign of life.
     pub fn meanwhile(&self, room: usize) -> Option<Work> {
         let mut state = self.lock();
         state.room = room;
@@ -173,7 +172,8 @@ impl Inbox {
         work
     }
 
-    /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most. `room`: for so many poses from now on.
+    /// Waits for work. A request for a snapshot or a look-ahead waits for at most two poses. `room`: the capacity
+    /// from now on.
     pub fn next(&self, room: usize) -> Work {
         let mut state = self.lock();
         state.room = room;
@@ -224,7 +224,7 @@ fn take(state: &mut State) -> Option<Work> {
 }
 
 #[cfg(test)]
-#[allow(clippy::panic)] // a test may fail loudly
+#[allow(clippy::panic)] // a test may panic
 mod tests {
     use super::*;
 

@@ -1,4 +1,4 @@
-//! The input thread: takes what DDS delivers, refuses what can't be a pose, hands the newest pose to the solver.
+//! The input thread: takes messages from DDS, rejects invalid poses, and passes the newest pose to the solver.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::SyncSender;
@@ -22,10 +22,10 @@ use ros2_node::origin::{Followed, Guid, Origin};
 use ros2_node::participant::{Input, Participant, ParticipantError, Wish};
 use ros2_node::qos;
 
-/// A stamp so far ahead of the node's clock is refused. `/clock` comes at 1 Hz at the slowest.
+/// Stamps further than this ahead of the node's clock are rejected. `/clock` comes at 1 Hz at the slowest.
 const FUTURE_S: f64 = 2.0;
 
-/// Why a measurement without stamps is no evidence.
+/// Why a measurement without stamps is not evidence.
 const UNSTAMPED: &str = "has no stamps: how old it is can't be known";
 
 /// The subscriptions.
@@ -48,7 +48,7 @@ impl Inputs {
         })
     }
 
-    /// What the node waits for: poses, load cell, clock.
+    /// The inputs that the node waits for: poses, load cell, clock.
     pub fn wishes(&self) -> [Wish; 4] {
         [self.joint.wish(), self.pose.wish(), self.wrench.wish(), self.clock.wish()]
     }
@@ -81,7 +81,8 @@ pub(super) fn run(
         loop {
             let (message, origin) = inputs.wrench.next_from().await;
             if let Some(reading) = intake.borrow_mut().wrench(&message, origin) {
-                // A full channel means that the force thread is thousands behind: a lost reading shows as missing.
+                // A full channel means that the force thread is thousands of messages behind: a lost reading shows as
+                // missing.
                 let _ = events.try_send(Event::Measured(reading));
             }
         }
@@ -92,7 +93,7 @@ pub(super) fn run(
             let message = inputs.targets.next().await;
             let stamp_nanos = stamp_or_now(shared, message.header.stamp);
             match Seen::of(&message, stamp_nanos, frame_id) {
-                // As with the load cell.
+                // As for the load cell.
                 Ok(seen) => drop(events.try_send(Event::Tracked(seen))),
                 Err(why) if refused.pass().is_some() => tracing::warn!("measured_targets is not used: {why}"),
                 Err(_) => {}
@@ -105,7 +106,7 @@ pub(super) fn run(
             intake.borrow_mut().clock(message.clock, origin.received);
         }
     });
-    // The channel is closed, never written to.
+    // The channel is only closed, never written to.
     let _ = smol::block_on(executor.run(stop.recv()));
     drop((joint, pose, wrench, targets, clock));
 }
@@ -114,27 +115,27 @@ fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {
     if stamp.is_zero() { shared.clock.now_nanos().unwrap_or(0) } else { stamp.nanos() }
 }
 
-/// Who sends poses.
+/// Source of poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Source {
     topic: &'static str,
     publisher: Guid,
 }
 
-/// Judges poses.
+/// Validates poses.
 struct Intake<'a> {
     frame_id: String,
     shared: &'a Shared,
     inbox: &'a Inbox,
     last_stamp: Option<i64>,
-    /// Stamp of the first pose of the present run, and whether the sensor stands still since.
+    /// Stamp of the first pose of the present run, and the state of the frozen-sensor detector.
     first_stamp: Option<i64>,
     frozen: Frozen,
-    /// Poses from long before the last one: stragglers, or the first of a time that starts again.
+    /// Poses with stamps long before the last one: late ones, or the first of a restarted time.
     stretch: Stretch,
-    /// Who poses are taken from; another topic or publisher is ignored until this one is silent.
+    /// The source of poses; other topics or publishers are ignored until it is silent.
     poses: Followed<Source>,
-    /// The same of readings of the load cell.
+    /// The same for readings of the load cell.
     cells: Followed<Guid>,
     warnings: BTreeMap<Reject, Throttle>,
     unstamped: Throttle,
@@ -159,7 +160,7 @@ impl<'a> Intake<'a> {
         }
     }
 
-    /// Counts a refused pose and says why, at most twice a minute per reason.
+    /// Counts a rejected pose and logs the reason, at most twice a minute per reason.
     fn reject(&mut self, why: Reject, remedy: impl FnOnce() -> String) {
         self.shared.lock().reject(why);
         let throttle = self.warnings.entry(why).or_insert_with(|| Throttle::new(Duration::from_secs(30)));
@@ -176,7 +177,8 @@ impl<'a> Intake<'a> {
         self.offer("measured_js", origin, message.header.stamp, taken);
     }
 
-    /// A load cell may use another frame name; the user is then responsible for axes parallel to those of the sample.
+    /// A load cell may use another frame name; then the user must ensure that its axes are parallel to those of the
+    /// sample.
     fn check_cell(&mut self, frame_id: &str) {
         if !frame_id.is_empty() && frame_id != self.frame_id && self.cell_frame.pass().is_some() {
             tracing::warn!(
@@ -198,13 +200,13 @@ impl<'a> Intake<'a> {
         let source = Source { topic, publisher: origin.publisher };
         match taken {
             Ok(place) => self.accept(source, origin.received, stamp, place),
-            // Joints of other machines on one topic are no loss while the needle's are there.
+            // Joints of other machines on the same topic are no loss while the needle's joint is received.
             Err(Refusal::NoSuchJoint { .. }) if self.poses.source().is_some_and(|followed| followed != source) => {}
             Err(refusal) => self.reject(Reject::from(&refusal), || format!("{topic}: {refusal}")),
         }
     }
 
-    /// A reading of the load cell, if it is of the one that is followed.
+    /// A reading of the load cell, if it comes from the followed publisher.
     fn wrench(&mut self, message: &WrenchStamped, Origin { publisher, received }: Origin) -> Option<Reading> {
         self.check_cell(&message.header.frame_id);
         let timeout = self.timeout();
@@ -216,7 +218,7 @@ impl<'a> Intake<'a> {
             self.doubt(Doubt::Unstamped("measured_cf"), || UNSTAMPED.to_owned());
         }
         let stamp_nanos = stamp_or_now(self.shared, message.header.stamp);
-        #[allow(clippy::cast_precision_loss)] // a span, shown to people
+        #[allow(clippy::cast_precision_loss)] // a duration for a log line
         let ahead_s = self.shared.clock.now_nanos().map(|now| (stamp_nanos - now) as f64 * 1e-9);
         self.shared.lock().ahead_s[1] = ahead_s;
         Some(Reading {
@@ -231,7 +233,7 @@ impl<'a> Intake<'a> {
         Duration::try_from_secs_f64(self.shared.settings().input_timeout_s).unwrap_or(Duration::MAX)
     }
 
-    /// Two publishers of one measurement: nobody knows which of them is right.
+    /// Two publishers of one measurement: the node can't know which one is right.
     fn doubt_two(&self, topic: &'static str, followed: Option<Guid>, other: Guid) {
         self.doubt(Doubt::Two(topic), || {
             format!(
@@ -246,7 +248,7 @@ impl<'a> Intake<'a> {
         self.shared.lock().doubt(doubt, words);
     }
 
-    #[allow(clippy::cast_precision_loss)] // an age, shown to people
+    #[allow(clippy::cast_precision_loss)] // an age for a log line
     fn accept(&mut self, source: Source, received: Instant, stamp: Time, place: Where) {
         if !self.shared.is_active() {
             return;
@@ -278,8 +280,8 @@ impl<'a> Intake<'a> {
                 if back_s <= settings.input_timeout_s {
                     return self.out_of_order(back_s, source.topic);
                 }
-                // Late messages are no reason to throw the tissue's history away: they wait until a long stretch of
-                // them, or /clock, says that time has gone back.
+                // Late messages must not reset the tissue. They wait until a long stretch of them, or /clock, shows
+                // that time has gone back.
                 for _ in 0..self.stretch.add(source.publisher, arrival) {
                     self.out_of_order(back_s, source.topic);
                 }
@@ -326,7 +328,8 @@ impl<'a> Intake<'a> {
         live.pose(handoff, arrival.age_s, arrival.now);
     }
 
-    /// One publisher on one topic at a time: two sensors of the same needle would make it jump.
+    /// Accepts one publisher on one topic at a time: alternating between two sensors of the same needle would make it
+    /// jump.
     fn owns(&mut self, source: Source) -> bool {
         let before = self.poses.source();
         if self.poses.takes(source, Instant::now(), self.timeout()) {
@@ -354,7 +357,7 @@ impl<'a> Intake<'a> {
         stamp_or_now(self.shared, stamp)
     }
 
-    /// A bag was looped or a simulator reset.
+    /// Handles a looped bag or a reset simulator.
     fn jump_back(&mut self, seconds: f64) {
         tracing::info!("time went back by {seconds:.3} s: the twin starts anew from the undeformed state");
         (self.last_stamp, self.first_stamp, self.frozen) = (None, None, Frozen::default());
@@ -362,18 +365,18 @@ impl<'a> Intake<'a> {
         self.inbox.reset("time went back");
     }
 
-    #[allow(clippy::cast_precision_loss)] // a time, shown to people
+    #[allow(clippy::cast_precision_loss)] // a time for a log line
     fn clock(&mut self, time: Time, received: Instant) {
         let clock = &self.shared.clock;
         let before = clock.now_nanos();
         let tick = clock.tick(time);
-        // one that stands still is as good as none
+        // a clock that stands still counts as missing
         if clock.now_nanos() != before {
             self.shared.lock().last_clock = Some(received);
         }
         match tick {
             Tick::Back(nanos) if clock.is_simulated() => {
-                // It arrived before the present node time.
+                // It was received before the present node time.
                 self.shared.lock().last_pose = None;
                 let held = self.stretch.end();
                 self.jump_back(nanos as f64 * 1e-9);

@@ -1,4 +1,4 @@
-//! The health of the twin, whether its prediction is valid, and why not.
+//! The health of the twin, whether its prediction is valid, and the reasons.
 
 use super::declared::Settings;
 use super::rivals::REMEDY;
@@ -13,9 +13,9 @@ use ros2_node::lifecycle::State;
 pub(super) struct Judgement {
     pub health: u8,
     pub reasons: Vec<String>,
-    /// Those of them for which the prediction is not valid.
+    /// Those reasons for which the prediction is not valid.
     pub denials: Vec<String>,
-    /// Another twin publishes on the same topics: readers can't tell the forces apart.
+    /// Whether another twin publishes on the same topics, so that readers can't distinguish the forces.
     pub contested: bool,
 }
 
@@ -28,20 +28,20 @@ impl Judgement {
         self.reasons.push(reason);
     }
 
-    /// The twin answers every pose and its force is valid.
+    /// Whether the twin answers every pose with a valid force.
     pub fn vouches(&self) -> bool {
         self.health <= TwinStatus::HEALTH_WARN && !self.contested
     }
 }
 
-/// What the housekeeping thread sees beside the shared figures.
+/// The housekeeping thread's own observations, in addition to the shared figures.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Around {
-    /// Messages that reliable readers were too slow for.
+    /// Number of messages that reliable readers were too slow for.
     pub failed_outputs: u64,
-    /// Simulated time is used, and no one publishes it (any more).
+    /// Whether simulated time is used without a publisher.
     pub clock_gone: bool,
-    /// Why the middleware process was replaced, if that was a short while ago.
+    /// Why the middleware process was replaced, if that was recent.
     pub replaced: Option<String>,
 }
 
@@ -131,7 +131,7 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
         );
     }
     for (doubt, words) in live.doubts(settings.input_timeout_s) {
-        // what has no stamps is as good as the network for a prediction, and was reported once
+        // a topic without stamps is as usable as the network for a prediction, and was reported once
         if !matches!(doubt, Doubt::Unstamped(_)) {
             judgement.add(TwinStatus::HEALTH_WARN, format!("{} {words}", doubt.topic()));
         }
@@ -176,10 +176,11 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
     judgement
 }
 
-/// Clocks of sensors that differ by more than this can't be compared by their stamps, s: readings so far apart are not interpolated.
+/// Largest difference of the sensors' clocks for which their stamps can be compared, s: readings further apart are
+/// not interpolated.
 const CLOCKS_DIFFER_S: f64 = 0.1;
 
-/// Why stamps of load cell and poses can't be compared.
+/// Why the stamps of load cell and poses can't be compared.
 fn clocks_differ(live: &Live) -> Option<String> {
     let [Some(pose_s), Some(cell_s)] = live.ahead_s else { return None };
     let (ahead_s, side) = if cell_s > pose_s { (cell_s - pose_s, "ahead of") } else { (pose_s - cell_s, "behind") };
@@ -191,9 +192,9 @@ fn clocks_differ(live: &Live) -> Option<String> {
     })
 }
 
-/// Skipped poses and their effect on the force: while the tissue lags behind the instrument, the forces on instrument and
-/// base differ. That gap indicates the error of the force and can be smaller than it: an error of 20 % was seen with a gap
-/// of 5 % (docs/lab/faults.md).
+/// Skipped poses and their effect on the force. While the tissue lags behind the instrument, the forces on instrument
+/// and base differ. That difference indicates the error of the force but can be smaller: an error of 20 % was seen
+/// with a difference of 5 % (docs/lab/faults.md).
 fn skipped(live: &Live, share: f64) -> String {
     let gap = live.last.map_or(0.0, |answer| 100.0 * answer.prediction.health.force_imbalance);
     format!(
@@ -203,7 +204,7 @@ fn skipped(live: &Live, share: f64) -> String {
     )
 }
 
-/// Why no pose has been answered, though poses come.
+/// Why no pose has been answered, although poses come.
 fn not_there_yet(live: &Live) -> Option<String> {
     if let Some(under_way) = &live.under_way {
         let (to_mm, percent, left) = (1e3 * under_way.to_m, 100.0 * under_way.share, under_way.left_s.ceil().max(1.0));
@@ -239,7 +240,7 @@ fn silence(silent: Option<f64>, clock: &NodeClock, around: &Around) -> String {
 
 pub(super) fn load_cell_problem(live: &Live) -> Option<&'static str> {
     match live.load_cell? {
-        // It is optional: only a load cell that has been heard before can be missing.
+        // The load cell is optional: it can be missing only after it was received.
         ForceComparison::LOAD_CELL_MISSING if live.measured > 0 => Some("load cell: no reading near the pose's stamp"),
         ForceComparison::LOAD_CELL_NOT_FINITE => Some("load cell: the reading is no number, or beyond any load cell"),
         ForceComparison::LOAD_CELL_STUCK => Some("load cell: the reading does not change"),

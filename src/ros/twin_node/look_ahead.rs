@@ -1,9 +1,10 @@
-//! The look-ahead thread: answers `~/look_ahead` with a double of the twin, at a lower priority than the twin's own.
+//! The look-ahead thread: answers `~/look_ahead` with a scratch copy of the twin, at a lower priority than the
+//! twin's.
 //!
 //! ```text
 //! request ──► inbox ──► solver thread: state copied between two poses ──► this thread: the motion ──► response
 //! ```
-//! The double belongs to the solver, goes out with its state and comes back through the inbox.
+//! The scratch copy belongs to the solver. It is sent out with the solver's state and returned through the inbox.
 
 use std::time::{Duration, Instant};
 
@@ -19,46 +20,47 @@ use ros2_messages::needle_twin::{LookAheadRequest, LookAheadResponse};
 use ros2_messages::std_msgs::Header;
 use ros2_node::service::Service;
 
-/// The solver thread is asked between two poses; longer than this and something else is wrong.
+/// Time limit for the solver thread, which answers between two poses.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Speed of a motion that names none, m/s.
+/// Default speed of a motion, m/s.
 const SPEED_M_PER_S: f64 = 0.001;
-/// Wall time for the steps of one answer, s: the rest of 50 ms is for the way there and back.
+/// Wall time for the steps of one answer, s: the rest of 50 ms is for the transfers.
 const BUDGET_S: f64 = 0.035;
-/// With fewer steps the inertia of the tissue shows in the force (by a third with 50 steps for a millimetre of the needle
-/// in three dimensions): a model whose steps are slow answers late rather than wrong.
+/// With fewer steps the inertia of the tissue affects the force (by a third with 50 steps per millimetre of the
+/// needle in three dimensions). A model with slow steps answers late rather than wrongly.
 const FEWEST_STEPS: f64 = 200.0;
-/// Farther than any sample is deep, m.
+/// Limit of the distance, m: larger than the depth of any sample.
 const FARTHEST_M: f64 = 1.0;
-/// Piece of the scene's own motion that is looked at in one go, m, and the wall time that all of them may take.
+/// Length of a piece of the scene's own motion that is evaluated at once, m, and the wall time for all pieces.
 const PIECE_M: f64 = 1e-3;
 const OWN_MOTION: Duration = Duration::from_secs(1);
-/// Depth over which a change of the force is taken, m: between two poses of a motion that is looked at in few steps the tissue swings.
+/// Depth over which a change of the force is evaluated, m. Over shorter distances, the oscillation of the tissue in a
+/// motion with few steps would matter.
 const SLOPE_OVER_M: f64 = 2.5e-4;
-/// Time between two looks whether there is a model.
+/// Interval of the checks for a model.
 const NO_MODEL_YET: Duration = Duration::from_millis(200);
 
-/// A double of the twin with the state of one moment.
+/// A scratch copy of the twin with the state at one time.
 #[derive(Debug)]
 pub(super) struct Double {
     pub twin: Twin,
-    /// Where the motion starts: the last pose that was answered.
+    /// Start of the motion: the last pose that was answered.
     pub from: Option<StampedPose>,
     /// Its stamp.
     pub stamp: Time,
     pub depth_m: f64,
-    /// Wall time of one explicit step of late, s.
+    /// Recent wall time of one explicit step, s.
     pub step_s: f64,
-    /// Which of the models that the solver has built this is a double of.
+    /// Generation of the solver's model that this is a copy of.
     pub generation: u64,
 }
 
-/// The double, or why there is none to be had.
+/// The scratch copy, or why there is none.
 pub(super) type Departure = Result<Box<Double>, &'static str>;
 /// The service.
 pub(super) type LookAhead = Service<LookAheadRequest, LookAheadResponse>;
 
-/// The scene's own motion, which tells what a delay means.
+/// The scene's own motion, from which the effect of a delay is estimated.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OwnMotion {
     pub depth_m: f64,
@@ -79,7 +81,7 @@ pub(super) fn run(
     let mut thread = LookAheadThread { frame_id, inbox, departures, way: Vec::new(), step_s: 0.0 };
     loop {
         let stopped = async {
-            // The channel is closed, never written to.
+            // The channel is only closed, never written to.
             let _ = stop.recv().await;
             None
         };
@@ -106,13 +108,13 @@ pub(super) fn run(
     }
 }
 
-/// Largest change of the force over depth along the scene's own motion, N/m, and down to which depth, m.
+/// Largest derivative of the force by the depth along the scene's own motion, N/m, and the evaluated depth, m.
 struct Steepest {
     n_per_m: f64,
     depth_m: f64,
 }
 
-/// Largest change of a force (N) over depth (m), N/m.
+/// Largest derivative of a force (N) by the depth (m), N/m.
 fn steepest(curve: &[(f64, [f64; 3])]) -> f64 {
     let mut most = 0.0_f64;
     for (i, (depth_m, force_n)) in curve.iter().enumerate() {
@@ -126,7 +128,7 @@ fn steepest(curve: &[(f64, [f64; 3])]) -> f64 {
     most
 }
 
-/// Says what the delay that is tolerated means.
+/// Logs the effect of the tolerated delay.
 fn say_delay(shared: &Shared, motion: OwnMotion, steepest: &Steepest) {
     let timeout_s = shared.settings().guard_timeout_s;
     let distance_m = timeout_s * motion.speed_m_per_s;
@@ -147,7 +149,7 @@ struct LookAheadThread<'a> {
     inbox: &'a Inbox,
     departures: &'a Receiver<Departure>,
     way: Vec<Prediction>,
-    /// Wall time of one explicit step in this thread of late, s.
+    /// Recent wall time of one explicit step in this thread, s.
     step_s: f64,
 }
 
@@ -160,7 +162,7 @@ impl LookAheadThread<'_> {
         }
     }
 
-    /// Looks along the scene's own motion, as far as its time allows.
+    /// Evaluates the scene's own motion, as far as the time allows.
     fn steepest(&mut self, own: OwnMotion) -> Result<Steepest, String> {
         let mut double = self.borrow()?;
         let mut from = double.from.unwrap_or_else(|| StampedPose { time_s: 0.0, pose: double.twin.pose_at_depth(0.0) });
@@ -182,7 +184,7 @@ impl LookAheadThread<'_> {
         Ok(found)
     }
 
-    /// The double with the present state, from the solver.
+    /// Gets the scratch copy with the present state from the solver.
     fn borrow(&mut self) -> Result<Box<Double>, String> {
         // One that came too late for an earlier request.
         while let Ok(departure) = self.departures.try_recv() {
@@ -201,7 +203,7 @@ impl LookAheadThread<'_> {
         outcome
     }
 
-    /// Explicit steps that there is time for; what they cost is known from the live twin's until there are own ones.
+    /// Number of explicit steps within the time. Their cost is that of the live twin until it was measured here.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
     fn affordable(&self, step_s: f64) -> u32 {
         let step_s = if self.step_s > 0.0 { self.step_s } else { step_s };
@@ -247,7 +249,7 @@ impl LookAheadThread<'_> {
     }
 }
 
-/// Whether a motion can be asked for.
+/// Whether a requested motion is valid.
 fn check(request: &LookAheadRequest) -> Result<(), String> {
     let LookAheadRequest { distance_m, speed_m_per_s } = *request;
     if !(distance_m.abs() > 0.0 && distance_m.abs() <= FARTHEST_M) {

@@ -1,12 +1,14 @@
-//! The members' thread: the newest answered pose, answered by every member, for the band of the force, the spread of the targets and the outlook.
+//! The members' thread: every member answers the newest answered pose. It publishes the band of the force, the spread
+//! of the targets and the look-ahead.
 //!
 //! ```text
 //! force thread ──newest answered pose, comparisons──► this thread: each member steps, learns from the load cell, and looks ahead
 //!                                                      ──► prediction_band, targets_with_covariance, outlook
 //! ```
-//! Poses that come while the members are busy are skipped, so the band may be late but never falls behind; its stamp says which pose it
-//! answers. Members step whether somebody subscribes or not, since each has to follow the instrument to have a state. A reading of the load
-//! cell counts where the members have answered the pose that it was compared at; tracked points lie between two poses ([`super::tracked`]).
+//! Poses that come while the members compute are skipped. So the band may be late but never falls behind, and its
+//! stamp states which pose it answers. Members step even without subscribers, since each has to follow the instrument
+//! to have a state. A reading of the load cell is used if the members have answered the pose with which it was
+//! compared. Tracked points lie between two poses ([`super::tracked`]).
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -26,11 +28,11 @@ use ros2_node::logging::Throttle;
 use ros2_node::participant::{Output, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// Messages of targets that may wait for a reader: one for each target at one time.
+/// Queue length for messages of targets: one for each target at one time.
 const TARGETS: usize = 100;
-/// Comparisons that may wait for the members, and answers of theirs that are kept for comparisons to come: seconds at any sensible rate.
+/// Number of queued comparisons, and of stored answers for comparisons to come: seconds at any sensible rate.
 const KEPT: usize = 1024;
-/// Speed of a look ahead, m/s. It matters only for a material that relaxes.
+/// Speed of a look-ahead, m/s. It matters only for a material that relaxes.
 const SPEED_M_PER_S: f64 = 1e-3;
 
 /// The publishers.
@@ -64,7 +66,7 @@ impl Answered {
     }
 }
 
-/// The load cell at the stamp of a pose.
+/// The load cell's reading at the stamp of a pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measured {
     pub stamp_nanos: i64,
@@ -95,7 +97,7 @@ pub(super) struct Newest {
     wake: Condvar,
 }
 
-/// What the members have to do.
+/// The members' next work.
 enum Task {
     Step(Answered, VecDeque<Measured>, VecDeque<Seen>),
     Reset,
@@ -112,7 +114,7 @@ impl Newest {
         self.wake.notify_one();
     }
 
-    /// Takes a reading; it waits for the next pose.
+    /// Takes a reading; it is used with the next pose.
     pub fn measured(&self, reading: Measured) {
         let mut state = self.lock();
         if state.measured.len() == KEPT {
@@ -121,7 +123,7 @@ impl Newest {
         state.measured.push_back(reading);
     }
 
-    /// Takes tracked points; they wait for the next pose.
+    /// Takes tracked points; they are used with the next pose.
     pub fn tracked(&self, seen: Seen) {
         let mut state = self.lock();
         if state.tracked.len() == KEPT {
@@ -130,7 +132,7 @@ impl Newest {
         state.tracked.push_back(seen);
     }
 
-    /// The twin is undeformed again: so shall be the members, before any later pose.
+    /// Resets the members with the twin, before any later pose.
     pub fn reset(&self) {
         let mut state = self.lock();
         (state.pose, state.reset) = (None, true);
@@ -163,7 +165,7 @@ impl Newest {
     }
 }
 
-/// Runs until it is told to stop.
+/// Runs until it is stopped.
 pub(super) fn run(outputs: &MemberOutputs, frame_id: &str, members: &[Member], newest: &Newest, shared: &Shared) {
     lower_priority();
     let begun = Instant::now();
@@ -203,18 +205,18 @@ struct MembersThread<'a> {
     shared: &'a Shared,
     live: Live,
     members: usize,
-    /// When the targets are next due.
+    /// Time at which the targets are next published.
     due: Instant,
-    /// Most members that had an answer.
+    /// Largest number of members that had an answer.
     most: usize,
-    /// Stamp of the latest answers, and what the members said.
+    /// Stamps of the latest answers, and the members' predictions.
     answered: VecDeque<(i64, Told)>,
     tracks: Tracks,
     miscounted: Throttle,
-    /// Whether the instrument has been in the sample at an answered pose, and at a reading of the load cell.
+    /// Whether the instrument was in the sample at an answered pose, and at a reading of the load cell.
     been_inside: bool,
     touched: bool,
-    /// Whether it was said that the load cell is not believed.
+    /// Whether it was logged that the load cell is rejected.
     rejects: bool,
 }
 
@@ -263,7 +265,8 @@ impl MembersThread<'_> {
         }
     }
 
-    /// Assimilates a reading at a pose that the members have answered; not one of a tissue that the instrument has let go.
+    /// Assimilates a reading at a pose that the members have answered, unless the tissue oscillates after separating
+    /// from the instrument.
     fn learn(&mut self, reading: &Measured) {
         self.touched |= reading.depth_m > 0.0;
         let Ok(place) = self.answered.binary_search_by_key(&reading.stamp_nanos, |(stamp, _)| *stamp) else { return };
@@ -272,7 +275,7 @@ impl MembersThread<'_> {
         }
     }
 
-    /// Assimilates tracked points up to a pose that the members have just answered.
+    /// Assimilates tracked points up to the pose that the members have just answered.
     fn track(&mut self, answered: &Answered, tracked: VecDeque<Seen>) {
         let inside = answered.depth_m > 0.0;
         let counts = inside || !self.been_inside;
@@ -339,7 +342,7 @@ fn force_band(header: Header, depth_m: f64, band: &Band, members: usize) -> Forc
     }
 }
 
-/// A point has no orientation: that of the frame, without a covariance.
+/// A point has no orientation: the identity, without a covariance.
 fn target_pose(header: Header, target: &Spread) -> PoseWithCovarianceStamped {
     let mut covariance = [[0.0; 6]; 6];
     for (row, values) in covariance.iter_mut().zip(&target.covariance_m2) {

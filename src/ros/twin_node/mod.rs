@@ -4,12 +4,12 @@
 //! input thread ──newest poses─► solver thread ──answers──► force thread ──► predicted_cf, comparison
 //!                                    │
 //!                                    ├──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
-//!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead
+//!                                    └──scratch copy► look-ahead thread ──► answers of ~/look_ahead
 //! force thread ──newest answered pose, comparisons──► members' thread ──► prediction_band, outlook, ...
 //! housekeeping thread: services, discovery, status, diagnostics, rosout        main thread: signals
 //! page thread, link thread: the newest of forces, status and tissue, to browsers; of instrument and tissue, by OpenIGTLink
 //! ```
-//! The solver thread touches no socket and waits for no other thread; a slow subscriber can only slow the thread that
+//! The solver thread uses no socket and waits for no other thread. A slow subscriber can only slow the thread that
 //! publishes to it.
 
 mod assurance;
@@ -75,11 +75,11 @@ use ros2_node::participant::Participant;
 use ros2_node::recorder::{Recorder, Recording};
 use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 
-/// Answers that may wait for the force thread, seconds at any sensible rate. The channel is the standard library's, whose
-/// receiver sleeps: that of crossbeam yields the processor a few times first, and comes back behind everybody else's time slice
-/// on a busy machine, a millisecond late (docs/lab/performance.md).
+/// Queue length of answers for the force thread: seconds at any sensible rate. The channel is the standard library's,
+/// whose receiver sleeps. The receiver of crossbeam's channel first yields the processor several times. Under high
+/// load it then runs after the time slices of all other threads, a millisecond late (docs/lab/performance.md).
 const EVENTS: usize = 8192;
-/// When the node stops, a thread that is still busy (building a model) is abandoned after this.
+/// When the node stops, a thread that still computes (building a model) is abandoned after this time.
 const LEAVING: Duration = Duration::from_millis(400);
 
 #[derive(Parser, Debug)]
@@ -98,10 +98,11 @@ struct Cli {
     scene: Option<String>,
 }
 
-/// Runs the node until SIGINT or SIGTERM and returns the program's exit code. `arguments` has no program name.
+/// Runs the node until SIGINT or SIGTERM and returns the program's exit code. `arguments` does not include the
+/// program name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    // Before anything starts a thread: they inherit the mask.
+    // Before any thread is started, because threads inherit the mask.
     let signals = match Signals::block() {
         Ok(signals) => signals,
         Err(error) => {
@@ -109,7 +110,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return FAILURE;
         }
     };
-    match start::start("twin", arguments).and_then(|start| twin(start, &signals)) {
+    match start::start("twin", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| twin(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("twin_node: {}", terminal::line(&error.to_string()));
@@ -140,7 +141,7 @@ fn twin(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     node.run(start, scene, parameters, signals)
 }
 
-/// The scene with the command line's changes, and the node's parameters, the scene's keys among them.
+/// The scene with the command line's changes, and the node's parameters including the scene's keys.
 fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
     let node = start.names.fully_qualified();
     let given = &start.ros.parameters;
@@ -170,7 +171,7 @@ struct Node {
     force: ForceOutputs,
     tissue: TissueOutputs,
     look_ahead: LookAhead,
-    /// Where there are members.
+    /// Only with an ensemble.
     members: Option<MemberOutputs>,
     housekeeping: Housekeeping,
     shared: Arc<Shared>,
@@ -178,7 +179,7 @@ struct Node {
 }
 
 impl Node {
-    /// Makes every endpoint and joins the network.
+    /// Creates every endpoint and joins the network.
     fn new(start: &mut Start, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
         let mut participant = start.participant()?;
         let mapping = start::mapping(parameters, &start.environment);
@@ -206,8 +207,8 @@ impl Node {
         Ok(Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page })
     }
 
-    // One thread after the other is wired up, started and, in the order that a clean leave needs, joined: cut into
-    // pieces, that order would be hard to see.
+    // Threads are connected, started and, in the order of a clean shutdown, joined one after the other. In separate
+    // functions that order would be hard to see.
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
         let frame_id = parameters.get(declared::FRAME_ID);
         set_threads(parameters.get(declared::THREADS))?;
@@ -294,7 +295,7 @@ impl Node {
         let threads = [&solver, &force, &input, &look_ahead, &housekeeping];
         let threads: Vec<_> = threads.into_iter().chain(&members).chain(participant.thread()).collect();
         let outcome = supervisor.run(signals, &threads);
-        // Inputs first, so that nothing new comes while the others finish.
+        // Inputs first, so that no new data come while the others finish.
         drop(stop_inputs);
         inbox.stop();
         newest.stop();
@@ -302,7 +303,7 @@ impl Node {
         for thread in [input, look_ahead, solver].into_iter().chain(members) {
             let _ = join_before(thread, deadline);
         }
-        // The solver says it as well, if it can.
+        // The solver sends it as well, if it can.
         let _ = last_word.try_send(Event::Stop);
         for thread in [Some(force), supervisor.tissue_thread.take()].into_iter().flatten() {
             let _ = join_before(thread, deadline + LEAVING / 2);
@@ -315,7 +316,7 @@ impl Node {
     }
 }
 
-/// The members that the parameter asks for.
+/// The members requested by the parameter.
 fn draw(scene: &Scene, members: i64) -> Result<Vec<Member>, NodeError> {
     let members = usize::try_from(members).unwrap_or(0);
     if members == 0 {

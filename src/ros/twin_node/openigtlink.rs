@@ -1,4 +1,4 @@
-//! What the node shows by OpenIGTLink.
+//! Output of the node by OpenIGTLink.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
@@ -17,10 +17,10 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Serves it, if the parameters say so.
+    /// Serves it, if the parameters enable it.
     ///
     /// # Errors
-    /// [`NodeError`] if the port is taken.
+    /// [`NodeError`] if the port is in use.
     pub fn open(parameters: &Parameters, shared: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
         if !parameters.get(declared::OPENIGTLINK) {
             return Ok(None);
@@ -47,7 +47,7 @@ impl Link {
         Ok(Some(Self { board, _server: server }))
     }
 
-    /// Whether anybody looks.
+    /// Whether there is a client.
     pub fn is_watched(&self) -> bool {
         self.board.is_watched()
     }
@@ -57,7 +57,7 @@ impl Link {
         self.board.model(&model.points, &model.surface, &model.target_names);
     }
 
-    /// Shows the sample at a moment.
+    /// Shows the sample at one time.
     pub fn tissue(&self, snapshot: &Snapshot) {
         self.board.tissue(snapshot.stamp.nanos(), &snapshot.displacements, &snapshot.targets);
     }

@@ -1,4 +1,4 @@
-//! What the node shows on its live page, and what it does for viewers who have the token.
+//! Output of the node on its live page, and the commands of viewers with the token.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
@@ -19,25 +19,25 @@ use ros2_node::parameters::Parameters;
 use ros2_node::recorder::RECORD;
 use ros2_node::start::NodeError;
 
-/// Commands that may wait for the housekeeping thread.
+/// Queue length of commands for the housekeeping thread.
 const WAITING: usize = 8;
-/// A comparison that is older than this beside the newest answer says nothing of the present, ns.
+/// A comparison older than this relative to the newest answer is not shown, ns.
 const OLD_NANOS: i64 = 500_000_000;
 
 /// A page that is served.
 pub(super) struct Page {
     pub board: Arc<Board>,
     asked: Receiver<Asked>,
-    /// A recording is made.
+    /// Whether there is a recording.
     recorded: bool,
     _server: Server,
 }
 
 impl Page {
-    /// Serves the page, if the parameters say so.
+    /// Serves the page, if the parameters enable it.
     ///
     /// # Errors
-    /// [`NodeError`] if the port is taken.
+    /// [`NodeError`] if the port is in use.
     pub fn open(parameters: &Parameters, shared: &Arc<Shared>, bell: Bell) -> Result<Option<Self>, NodeError> {
         if !parameters.get(declared::PAGE) {
             return Ok(None);
@@ -63,7 +63,7 @@ impl Page {
         Ok(Some(Self { board, asked, recorded, _server: server }))
     }
 
-    /// What a viewer asks for, if one does.
+    /// A viewer's command, if there is one.
     pub fn asked(&self) -> Option<Asked> {
         self.asked.try_recv().ok()
     }
@@ -96,13 +96,13 @@ pub(super) fn model(board: &Board, model: &Model) {
     board.model(&live::Model { points, surface, cells, region, about: &about });
 }
 
-/// Shows the sample at a moment.
+/// Shows the sample at one time.
 pub(super) fn tissue(board: &Board, snapshot: &Snapshot) {
     let Snapshot { depth_m, tip, axis, targets, displacements, .. } = snapshot;
     board.tissue(&live::Frame { depth_m: *depth_m, tip: *tip, axis: *axis, targets, displacements });
 }
 
-/// The instrument as the page draws it, lengths in m.
+/// The instrument in the format of the page, lengths in m.
 pub(super) fn instrument(scene: &Scene, points: &[[f64; 3]]) -> Value {
     let Some(Instrument { kind, entry, .. }) = &scene.instrument else { return Value::Null };
     let across = || points.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
@@ -114,7 +114,7 @@ pub(super) fn instrument(scene: &Scene, points: &[[f64; 3]]) -> Value {
     json!({ "kind": kind, "radius": radius, "x": entry[0].get(), "y": entry[1].get() })
 }
 
-/// The newest point of the curves and what has happened since the start of the run.
+/// The newest point of the curves, and the events since the start of the run.
 #[allow(clippy::cast_precision_loss)] // seconds of one run
 fn figures(live: &Live) -> Value {
     let origin = live.first_stamp_nanos.unwrap_or(0);
@@ -127,7 +127,7 @@ fn figures(live: &Live) -> Value {
     let mut figures = json!({ "kind": "figures", "run": origin.to_string(), "events": events });
     let Some(answer) = &live.last else { return figures };
     let stamp = answer.stamp.nanos();
-    // One that the members found before a reset is not of this run.
+    // A band from before a reset does not belong to this run.
     let of_run = |band: &Banded| (origin..=stamp).contains(&band.stamp_nanos);
     if let Some(Banded { stamp_nanos, low_n, high_n }) = live.band.filter(of_run) {
         figures["band"] = json!({ "time_s": seconds(stamp_nanos), "low_n": low_n, "high_n": high_n });

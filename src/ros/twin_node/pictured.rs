@@ -1,4 +1,4 @@
-//! The deformed sample as other programs' messages: a point cloud, and a surface for RViz.
+//! The deformed sample as messages for other programs: a point cloud, and a surface for RViz.
 
 use super::tissue::{Model, Snapshot};
 use ros2_messages::sensor_msgs::{PointCloud2, PointField};
@@ -68,7 +68,7 @@ fn norm([x, y, z]: [f64; 3]) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// From a pale skin tone at rest to deep red.
+/// From a pale skin tone at zero to deep red.
 #[allow(clippy::cast_possible_truncation)] // a colour
 fn colour(fraction: f64) -> ColorRGBA {
     let t = fraction.clamp(0.0, 1.0) as f32;

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-/// Counts looks at the solver that found it at the same work. Looks, not seconds: a process that was frozen has not
-/// worked in the meantime, and has not hung either.
+/// Counts consecutive checks that found the solver at the same work. It counts checks instead of seconds, because a
+/// suspended process has not worked in the meantime, but has not hung either.
 #[derive(Debug)]
 pub(super) struct Pulse {
     interval: Duration,
@@ -12,12 +12,12 @@ pub(super) struct Pulse {
 }
 
 impl Pulse {
-    /// For one look per `interval`.
+    /// For one check per `interval`.
     pub const fn new(interval: Duration) -> Self {
         Self { interval, work: None, looks: 0 }
     }
 
-    /// Looks at the number of the present work; returns for how long it has been the same.
+    /// Checks the number of the present work; returns for how long it has been the same.
     pub fn look(&mut self, work: Option<u64>) -> Duration {
         self.looks = if work.is_some() && work == self.work { self.looks.saturating_add(1) } else { 0 };
         self.work = work;

@@ -1,7 +1,7 @@
-//! Other twins on the same names: whoever publishes `status` here beside this node.
+//! Detects other twins with the same names: other publishers of `status`.
 //!
-//! Readers of `predicted_cf` would get the forces of both without a way to tell them apart, so neither marks its
-//! own as valid while the other one publishes. A twin that starts later, or that was frozen and comes back, is heard as well.
+//! Readers of `predicted_cf` could not distinguish the forces of two twins. So neither marks its own forces as valid
+//! while the other one publishes. A twin that starts later, or that was suspended and continues, is detected too.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -11,7 +11,8 @@ use ros2_messages::needle_twin::TwinStatus;
 use ros2_node::participant::{Input, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// A twin that has been silent for so long has gone; longer than two periods of the slowest sensible `status_rate_hz`.
+/// A twin that has been silent for this time is gone; longer than two periods of the slowest sensible
+/// `status_rate_hz`.
 const GONE: Duration = Duration::from_secs(3);
 
 /// See the module.
@@ -21,20 +22,21 @@ pub(super) struct Rivals {
     heard: BTreeMap<String, Instant>,
 }
 
-/// What this process calls itself in `status`: `host:4711`.
+/// Identity of this process in `status`: `host:4711`.
 pub(super) fn instance() -> String {
     let name = rustix::system::uname();
     format!("{}:{}", name.nodename().to_string_lossy(), std::process::id())
 }
 
 impl Rivals {
-    /// Subscribes `status`; before the recorder is set, which records it as what this node says.
+    /// Subscribes to `status`. Must be called before the recorder is set, since the recorder records `status` as
+    /// output of this node.
     pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
         let status = participant.subscription("status", qos::sensor(10))?;
         Ok(Self { status, own: instance(), heard: BTreeMap::new() })
     }
 
-    /// Takes what was said, and tells the others when that changes who is there.
+    /// Takes the messages, and logs changes in the set of other twins.
     pub fn poll(&mut self, shared: &Shared) {
         let now = Instant::now();
         let before = self.heard.len();
@@ -63,6 +65,6 @@ impl Rivals {
     }
 }
 
-/// What it means and what to do.
+/// Meaning and remedy.
 pub(super) const REMEDY: &str = "readers of predicted_cf get the forces of both, and neither twin vouches for its own. \
                                  Stop one of them, or give one a namespace (--ros-args -r __ns:=/name)";

@@ -1,4 +1,4 @@
-//! Counters and figures that the threads of the node share. The solver thread never takes this lock.
+//! Counters and figures shared by the node's threads. The solver thread never takes this lock.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -18,7 +18,7 @@ use ros2_messages::needle_twin::ForceComparison;
 use ros2_node::clock::NodeClock;
 use ros2_node::lifecycle::State;
 
-/// Why a pose was not taken.
+/// Why a pose was rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Reject {
     NotFinite,
@@ -58,14 +58,14 @@ impl Reject {
     }
 }
 
-/// Why what a topic says proves nothing, though it is taken.
+/// Why the data of a topic are used but prove nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Doubt {
-    /// Two publish it.
+    /// Two nodes publish it.
     Two(&'static str),
     /// Its messages have no stamps.
     Unstamped(&'static str),
-    /// Its sensor scatters, and has stopped to.
+    /// Its sensor is noisy, but its reading has stopped changing.
     Frozen(&'static str),
 }
 
@@ -120,7 +120,7 @@ pub(super) struct Window {
     pub input_s: f64,
 }
 
-/// The last comparison with the load cell that was valid.
+/// The last valid comparison with the load cell.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Compared {
@@ -146,7 +146,7 @@ pub(super) struct Banded {
     pub high_n: f64,
 }
 
-/// Something that happened, for whoever looks at the page.
+/// An event for viewers of the page.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Noted {
@@ -154,11 +154,11 @@ pub(super) struct Noted {
     pub depth_m: f64,
     /// `puncture`, `layer`, `slip` or `mark`.
     pub kind: &'static str,
-    /// The region that the tip came into, or what a viewer has written.
+    /// The region that the tip entered, or the text of a viewer.
     pub text: String,
 }
 
-/// Events that are kept; the oldest go first.
+/// Number of stored events; the oldest are dropped first.
 const NOTED: usize = 32;
 
 /// See the module. Counts are since the last reset.
@@ -170,7 +170,7 @@ pub(super) struct Live {
     pub rejects: BTreeMap<Reject, u64>,
     pub coalesced: u64,
     pub missed: u64,
-    /// `received`, `coalesced` and `missed` when the reset that is on its way was asked for.
+    /// `received`, `coalesced` and `missed` when the pending reset was requested.
     pub before_reset: Option<[u64; 3]>,
     pub withheld: u64,
     pub not_finite: u64,
@@ -178,32 +178,32 @@ pub(super) struct Live {
     /// Wall time of stepping, s.
     pub stepping_s: f64,
     pub last: Option<Answer>,
-    /// An answer has been published.
+    /// Whether an answer has been published.
     pub spoken: bool,
-    /// The twin is on its way to a pose that is far away, in parts.
+    /// Progress of the twin's motion in parts to a distant pose.
     pub under_way: Option<Progress>,
     pub puncture_depth_m: Option<f64>,
-    /// Regions that the tip comes through.
+    /// Regions along the path of the tip.
     pub along: Arc<Along>,
     pub halted: Option<String>,
-    /// The solver does not come back: for so long, s.
+    /// Time for which the solver has not returned, s.
     pub stuck_s: Option<f64>,
-    /// Why the node is about to end by itself.
+    /// Why the node is about to end on its own.
     pub dying: Option<String>,
     /// Other twins on the same names.
     pub rivals: Vec<String>,
-    /// The instrument was this deep (m) when it was first seen.
+    /// Depth of the instrument at the first pose, m.
     pub first_seen_m: Option<f64>,
     pub gaps: Gaps,
     pub refused: Option<String>,
     pub last_pose: Option<LastPose>,
-    /// When simulated time last went on.
+    /// Time at which simulated time last advanced.
     pub last_clock: Option<Instant>,
-    /// How far the stamps of the newest pose and reading were ahead of the node's clock when they came, s.
+    /// Lead of the stamps of the newest pose and reading over the node's clock at reception, s.
     pub ahead_s: [Option<f64>; 2],
-    /// Why a measurement is no evidence, and when that was last seen.
+    /// Why a measurement is not evidence, and when that was last detected.
     pub doubts: BTreeMap<Doubt, (String, Instant)>,
-    /// Largest change of the force over depth along the scene's own motion, N/m; 0 until it is known.
+    /// Largest derivative of the force by the depth along the scene's own motion, N/m; 0 until it is known.
     pub steepest_n_per_m: f64,
     pub input_age: Latency,
     pub queue: Latency,
@@ -213,14 +213,14 @@ pub(super) struct Live {
     pub residual: Option<(f64, f64, f64)>,
     pub measured: u64,
     pub compared: Option<Compared>,
-    /// What the members said last.
+    /// The latest band of the members.
     pub band: Option<Banded>,
-    /// The latest [`NOTED`] of them.
+    /// The latest [`NOTED`] events.
     pub events: VecDeque<Noted>,
     /// Stamp of the first answer.
     pub first_stamp_nanos: Option<i64>,
     pub identified: Option<Identified>,
-    /// Recent comparisons, and what seems wrong with them.
+    /// Recent comparisons, and the problems found in them.
     pub samples: Samples,
     pub warnings: Vec<String>,
     pub verdict: Verdict,
@@ -230,16 +230,16 @@ pub(super) struct Live {
     last_stamp_nanos: Option<i64>,
 }
 
-/// Times without a pose, beyond `input_timeout_s` each.
+/// Intervals without a pose, longer than `input_timeout_s` each.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Gaps {
     pub count: u64,
     pub longest_s: f64,
-    /// Ways of the instrument that were not seen, in all, m.
+    /// Total displacement of the instrument that was not observed, m.
     pub unseen_m: f64,
 }
 
-/// What the identification knows, for people.
+/// Result of the identification, for display.
 #[derive(Clone, Debug)]
 pub(super) struct Identified {
     /// One of the `IDENTIFICATION_` constants.
@@ -250,7 +250,7 @@ pub(super) struct Identified {
     pub values: Vec<(String, f64, f64)>,
 }
 
-/// When the last pose came: wall time, and node time in ns.
+/// Time of the last pose: wall time, and node time in ns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LastPose {
     pub wall: Instant,
@@ -258,9 +258,9 @@ pub(super) struct LastPose {
 }
 
 impl Live {
-    /// Time without a pose, s, on the node's clock: while simulated time stands still, nothing is late. Once nobody
-    /// makes that time (`clock_gone`) the wall clock counts.
-    #[allow(clippy::cast_precision_loss)] // a span, shown to people
+    /// Time without a pose, s, on the node's clock: while simulated time stands still, nothing is late. Without a
+    /// publisher of that time (`clock_gone`) the wall clock is used.
+    #[allow(clippy::cast_precision_loss)] // a duration for display
     pub fn silence_s(&self, clock: &NodeClock, clock_gone: bool) -> Option<f64> {
         let last = self.last_pose?;
         let simulated = last.node_nanos.zip(clock.now_nanos()).filter(|_| clock.is_simulated() && !clock_gone);
@@ -282,7 +282,7 @@ impl Live {
         }
     }
 
-    /// Notes that a measurement is no evidence now.
+    /// Notes that a measurement is not evidence at present.
     pub fn doubt(&mut self, doubt: Doubt, words: impl FnOnce() -> String) {
         let seen = self.doubts.entry(doubt).or_insert_with(|| (words(), Instant::now()));
         seen.1 = Instant::now();
@@ -322,7 +322,7 @@ impl Live {
         self.last = Some(*answer);
     }
 
-    /// Notes something that happened.
+    /// Adds an event.
     pub fn note(&mut self, event: Noted) {
         if self.events.len() == NOTED {
             self.events.pop_front();
@@ -330,7 +330,7 @@ impl Live {
         self.events.push_back(event);
     }
 
-    /// Notes what a comparison says of the identification.
+    /// Stores the identification's result from a comparison.
     pub fn identified(&mut self, message: &ForceComparison) {
         let both = message.identified_values.iter().zip(&message.identified_standard_errors);
         self.identified = (message.identification != ForceComparison::IDENTIFICATION_OFF).then(|| Identified {
@@ -340,12 +340,12 @@ impl Live {
         });
     }
 
-    /// A reset has been asked for: what comes from now on belongs to the run after it.
+    /// Notes that a reset was requested: what comes from now on belongs to the run after it.
     pub fn expect_reset(&mut self) {
         self.before_reset = Some([self.received, self.coalesced, self.missed]);
     }
 
-    /// Everything from zero, but for what belongs to the node and not to the run.
+    /// Resets everything that belongs to the run; what belongs to the node remains.
     pub fn reset(&mut self) {
         let now = [self.received, self.coalesced, self.missed];
         let before = self.before_reset.unwrap_or(now);
@@ -367,12 +367,12 @@ impl Live {
         };
     }
 
-    /// Region that the tip is in; empty outside of the sample.
+    /// Region of the tip; empty outside of the sample.
     pub fn region(&self) -> &str {
         self.last.as_ref().map_or("", |a| self.along.name(a.prediction.depth_m, a.prediction.phase))
     }
 
-    /// Closes the window if a second has gone by.
+    /// Closes the window after a second.
     pub fn roll(&mut self, now: Instant) {
         let begun = *self.window_begun.get_or_insert(now);
         let seconds = (now - begun).as_secs_f64();
@@ -384,7 +384,7 @@ impl Live {
     }
 }
 
-/// What the threads share.
+/// State shared by the threads.
 #[derive(Debug)]
 pub(super) struct Shared {
     live: Mutex<Live>,
@@ -399,7 +399,7 @@ impl Shared {
         Self { live: Mutex::default(), settings: RwLock::new(Arc::new(settings)), clock, state }
     }
 
-    /// Says in which state the managed node is.
+    /// Sets the state of the managed node.
     pub fn set_state(&self, state: State) {
         self.state.store(state as u8, Ordering::Relaxed);
     }
@@ -416,7 +416,7 @@ impl Shared {
     }
 
     pub fn lock(&self) -> MutexGuard<'_, Live> {
-        // Counters have no state that a panic elsewhere could leave half done.
+        // A panic elsewhere can't leave counters in an inconsistent state.
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

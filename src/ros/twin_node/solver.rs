@@ -1,4 +1,4 @@
-//! The solver thread: it owns the twin, answers poses, and touches no socket.
+//! The solver thread: it owns the twin, answers poses, and uses no socket.
 
 use needle_core::scene::Word as _;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,20 +24,20 @@ pub(super) struct Answer {
     pub received: Instant,
     pub begun: Instant,
     pub done: Instant,
-    /// The pose itself; its time counts from the first one since the last reset.
+    /// The pose itself; its time counts from the first pose since the last reset.
     pub pose: StampedPose,
     pub prediction: Prediction,
-    /// What the twin has computed beside forces so far.
+    /// Further results that the twin has computed so far.
     pub work: WorkDone,
     /// [`Twin::boundaries_m`]
     pub boundaries_m: Option<[f64; FOLLOWED]>,
 }
 
-/// An event as the solver has seen it.
+/// An event detected by the solver.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
     pub stamp: Time,
-    /// Since the pose before, s.
+    /// Time since the previous pose, s.
     pub interval_s: f64,
     /// Axis of the instrument into the sample.
     pub axis: [f64; 3],
@@ -51,56 +51,57 @@ impl Answer {
     }
 }
 
-/// What the force thread hears: from the solver, and from the input thread.
+/// Messages to the force thread, from the solver and from the input thread.
 #[expect(clippy::large_enum_variant, reason = "most events are answers, and a box would allocate for each pose")]
 pub(super) enum Event {
     /// A pose was answered.
     Answer(Answer),
-    /// Something happened to the tissue at the pose that was answered.
+    /// An event in the tissue at the pose that was answered.
     Happened(Sighting),
-    /// The instrument is far from where the twin has it, which goes there in parts, and nothing is answered until it is there; `None`: it does
-    /// not go on.
+    /// The instrument is far from its position in the twin. The twin moves there in parts, and nothing is answered
+    /// until it arrives. `None`: the motion was abandoned.
     UnderWay(Option<Progress>),
     /// A pose was refused by the twin.
     Refused { depth_m: f64, reason: String },
-    /// The solution is lost, until the twin has come back or is reset.
+    /// The solution diverged. It stays so until the twin recovers or is reset.
     Halted(String),
-    /// The twin has come back: the pose that is answered next is in its reach.
+    /// The twin has recovered: the next answered pose is in its reach.
     Recovered,
-    /// The twin is undeformed again.
+    /// The twin was reset to the undeformed state.
     Reset(&'static str),
-    /// The load cell spoke.
+    /// A reading of the load cell.
     Measured(Reading),
-    /// Tracked points were seen.
+    /// Tracked points.
     Tracked(Seen),
-    /// Take the present reading as zero, whatever speaks against it if it is forced; answers with it, or with the reason why not.
+    /// Take the present reading as zero; `forced`: despite any objections. The reply is the zero, or the reason of a
+    /// rejection.
     Tare { forced: bool, reply: Sender<Result<[f64; 3], String>> },
-    /// Nothing more will come.
+    /// No further messages.
     Stop,
 }
 
-/// How far the twin has come on a way that it makes in parts.
+/// Progress of a motion in parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Progress {
-    /// Depth that it goes to, m.
+    /// Depth of its goal, m.
     pub to_m: f64,
-    /// Share of the way that is made.
+    /// Completed share of the motion.
     pub share: f64,
-    /// Time that the rest takes, s.
+    /// Remaining time, s.
     pub left_s: f64,
-    /// When the pose came that it set out for.
+    /// Time of reception of the pose that started it.
     pub since: Instant,
-    /// Poses that came since the last part and will not be answered.
+    /// Number of poses that came since the last part and will not be answered.
     pub skipped: u64,
 }
 
-/// Answers that the force thread could not take because it was thousands behind.
+/// Number of answers that the force thread could not take because it was thousands behind.
 pub(super) static LOST_ANSWERS: AtomicU64 = AtomicU64::new(0);
 
 /// The model is ready, or can't be built.
 pub(super) type Built = Result<Box<Model>, String>;
 
-/// Whom the thread tells what.
+/// Recipients of the thread's results.
 pub(super) struct Outlets {
     pub built: Sender<Built>,
     pub events: SyncSender<Event>,
@@ -108,7 +109,7 @@ pub(super) struct Outlets {
     pub departures: Sender<Departure>,
 }
 
-/// Builds the twin when asked to, with a double if it is to `look_ahead`, and answers until told to stop.
+/// Builds the twin on request, with a scratch copy if `look_ahead`, and answers until it is stopped.
 pub(super) fn run(scene: &Scene, look_ahead: bool, inbox: &Inbox, outlets: &Outlets) {
     let Outlets { built, events, snapshots, departures } = outlets;
     let mut solver: Option<Solver> = None;
@@ -140,18 +141,18 @@ pub(super) fn run(scene: &Scene, look_ahead: bool, inbox: &Inbox, outlets: &Outl
                 send(events, Event::Stop);
                 return;
             }
-            // The double of a model that has gone goes after it.
+            // The scratch copy of a discarded model is discarded too.
             (Work::Back(double), Some(solver)) if double.generation == generation => solver.double = Some(double),
             (Work::Back(double), _) => drop(double),
             (Work::LookAhead, Some(solver)) => {
-                // Fails only when the look-ahead thread has ended.
+                // Fails only if the look-ahead thread has ended.
                 let _ = departures.send(solver.depart());
             }
             (Work::LookAhead, None) => {
                 let _ = departures.send(Err("there is no model yet: wait until the node is active"));
             }
             (work, Some(solver)) => solver.take(work, events, snapshots),
-            // Nobody asks for a snapshot of a twin that is not there, and poses are not let in.
+            // Without a twin nobody requests snapshots, and poses are rejected.
             (Work::Snapshot(snapshot), None) => drop(snapshots.send(snapshot)),
             (_, None) => {}
         }
@@ -160,34 +161,34 @@ pub(super) fn run(scene: &Scene, look_ahead: bool, inbox: &Inbox, outlets: &Outl
 
 struct Solver {
     twin: Twin,
-    /// Stamp of the first pose since the last reset: the twin counts time from there.
+    /// Stamp of the first pose since the last reset: time 0 of the twin.
     origin_nanos: Option<i64>,
     stamp: Time,
     depth_m: f64,
     halted: bool,
-    /// Wall time of one explicit step of late, s.
+    /// Recent wall time of one explicit step, s.
     step_s: f64,
-    /// Wall time of one answer of late, s.
+    /// Recent wall time of one answer, s.
     answer_s: f64,
-    /// Wall time of one stride of a way that takes long of late, s.
+    /// Recent wall time of one stride of a long motion, s.
     stride_s: f64,
     /// The last pose that was answered.
     pose: Option<StampedPose>,
-    /// The way to a pose that was far away.
+    /// The motion to a distant pose.
     under_way: Option<UnderWay>,
-    /// At home, unless somebody looks ahead with it.
+    /// The scratch copy, unless the look-ahead thread uses it.
     double: Option<Box<Double>>,
 }
 
-/// Wall time that one pose may cost, s: an answer older than this is of no use to a driver, so a twin that can't keep
-/// up takes fewer steps and skips to the newest pose.
+/// Wall time limit of one pose, s: a driver can't use an older answer. A twin that can't keep up takes fewer steps
+/// and skips to the newest pose.
 const ANSWER_BUDGET_S: f64 = 0.010;
-/// Wall time of one explicit step per integration point, s, until it is known: twice that of a slow machine. A first pose deep inside,
-/// which is walked to in dozens of strides, must not cost more than a node may be silent.
+/// Initial estimate of the wall time of one explicit step per integration point, s: twice that of a slow machine. A
+/// first pose deep inside is reached in dozens of strides, which must not take longer than a node may be silent.
 const POINT_S: f64 = 2e-7;
-/// Wall time that the answers to a burst of poses may cost together, s: two poses of a kilohertz.
+/// Wall time limit for the answers to a burst of poses, s: two poses at a kilohertz.
 const BURST_S: f64 = 0.002;
-/// Most poses of a burst.
+/// Largest number of poses in a burst.
 const BURST: f64 = 32.0;
 
 impl Solver {
@@ -232,7 +233,7 @@ impl Solver {
                 snapshot.under_way = self.under_way.is_some();
                 let pose = self.pose.map_or_else(|| self.twin.pose_at_depth(0.0), |stamped| stamped.pose);
                 (snapshot.tip, snapshot.axis) = (pose.tip, pose.axis);
-                // Fails only when the tissue thread has ended.
+                // Fails only if the tissue thread has ended.
                 let _ = snapshots.send(snapshot);
             }
             Work::Reset(reason) => {
@@ -244,7 +245,7 @@ impl Solver {
                 self.under_way = None;
                 send(events, Event::Reset(reason));
             }
-            // Of the thread, not of a twin.
+            // Handled by the thread, not by the twin.
             Work::Build | Work::Discard | Work::Stop | Work::LookAhead | Work::Back(_) => {}
         }
     }
@@ -267,7 +268,7 @@ impl Solver {
         }
     }
 
-    /// Goes a part of the way.
+    /// Makes one part of the motion.
     fn go_on(&mut self, events: &SyncSender<Event>) {
         let Some(mut under_way) = self.under_way.take() else { return };
         let goal = under_way.goal();
@@ -296,7 +297,7 @@ impl Solver {
         }
     }
 
-    /// Takes a pose that came while the twin is under way.
+    /// Takes a pose that came during a motion in parts.
     fn head_for(&mut self, input: &PoseInput, events: &SyncSender<Event>) {
         let stamped = self.stamped(input);
         let Some(under_way) = &mut self.under_way else { return };
@@ -305,7 +306,7 @@ impl Solver {
         }
     }
 
-    /// Says what came of a pose.
+    /// Sends the result of a pose.
     fn answer(&mut self, goal: &Goal, begun: Instant, outcome: Result<Prediction, Halt>, events: &SyncSender<Event>) {
         let event = self.event(goal, begun, outcome);
         if self.halted && matches!(event, Event::Answer(_)) {
@@ -320,7 +321,7 @@ impl Solver {
         }
     }
 
-    /// Events are rare, and must not be lost: the solver waits for the force thread if it must.
+    /// Events are rare, and must not be lost: the solver waits for the force thread if necessary.
     fn say_what_happened(&self, goal: &Goal, events: &SyncSender<Event>) {
         let interval_s = self.pose.map_or(0.0, |before| goal.stamped.time_s - before.time_s);
         for happening in self.twin.happened() {
@@ -330,7 +331,7 @@ impl Solver {
         }
     }
 
-    /// Sends the double out with the present state. Copies, allocates nothing.
+    /// Sends the scratch copy out with the present state. It copies without allocation.
     fn depart(&mut self) -> Departure {
         if self.halted {
             return Err("the solution is lost: retract the instrument and call ~/reset");
@@ -349,7 +350,7 @@ impl Solver {
         Ok(double)
     }
 
-    /// Poses that can be answered within [`BURST_S`].
+    /// Number of poses that can be answered within [`BURST_S`].
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     fn room(&self) -> usize {
         (BURST_S / self.answer_s).clamp(1.0, BURST) as usize
@@ -373,7 +374,7 @@ impl Solver {
         StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose }
     }
 
-    /// Learns what an explicit step costs, from those since `steps`.
+    /// Updates the cost of an explicit step, from the steps since `steps`.
     #[allow(clippy::cast_precision_loss)] // a count of steps
     fn learn_step(&mut self, begun: Instant, steps: u64) {
         let taken = self.twin.steps().saturating_sub(steps);
@@ -402,7 +403,7 @@ impl Solver {
                 })
             }
             Err(Halt::Pose { reason }) => Event::Refused { depth_m: self.depth(input), reason },
-            // Counted by the force thread as refused; the status already says why.
+            // The force thread counts it as refused; the status already gives the reason.
             Err(_) if self.halted => Event::Refused { depth_m: self.depth(input), reason: String::new() },
             Err(halt) => {
                 self.halted = true;
@@ -412,20 +413,21 @@ impl Solver {
     }
 }
 
-/// Steps that one pose may cost.
+/// Number of steps that one pose may take.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
 fn affordable(step_s: f64) -> u32 {
     (ANSWER_BUDGET_S / step_s) as u32
 }
 
-/// An answer never waits for the force thread; what it can't take is counted. The rare other events must get through.
+/// An answer never waits for the force thread; answers that it can't take are counted. The rare other events must not
+/// be lost.
 fn send(events: &SyncSender<Event>, event: Event) {
     if matches!(event, Event::Answer(_) | Event::Refused { .. }) {
         if let Err(TrySendError::Full(_)) = events.try_send(event) {
             LOST_ANSWERS.fetch_add(1, Ordering::Relaxed);
         }
     } else {
-        // Fails only when the force thread has ended.
+        // Fails only if the force thread has ended.
         let _ = events.send(event);
     }
 }

@@ -1,4 +1,4 @@
-//! What the node says about itself: `status`, `/diagnostics`, and the lines about what it waits for.
+//! The node's reports: `status`, `/diagnostics`, and the lines about missing inputs.
 
 use std::time::Instant;
 
@@ -241,7 +241,7 @@ fn identified_values(identified: &Identified) -> Vec<KeyValue> {
     identified.values.iter().flat_map(both).collect()
 }
 
-/// What the node waits for, if it waits: topics, types, QoS and how many publish there.
+/// The missing inputs, if any: topics, types, QoS and numbers of publishers.
 pub(super) fn waiting(
     live: &Live,
     shared: &Shared,
@@ -272,7 +272,7 @@ pub(super) fn waiting(
         return Some(format!("simulated time stands still: waiting for {}", describe(time)));
     }
     let silent = live.last_pose.is_none_or(|at| at.wall.elapsed().as_secs_f64() > 5.0);
-    // A peer that uses a network card is not heard, even one on this machine: the most likely cause.
+    // A peer that uses a network interface is not received, even on this machine: the most likely cause.
     let deaf = reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0;
     let hint = "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network";
     (silent && since.elapsed().as_secs_f64() > 1.0).then(|| {

@@ -1,26 +1,26 @@
-//! Poses whose stamps are long before those of the present: late ones, or a time that starts again.
+//! Collects poses whose stamps are long before the present ones: late poses, or a restarted time.
 //!
-//! A bag that is looped, or a driver that is started again with another clock, sends nothing but such poses, in their order, from
-//! one publisher. A few that agree are not enough: whoever forges two stamps would reset the tissue.
+//! A looped bag, or a driver that was restarted with another clock, sends only such poses, in order, from one
+//! publisher. A few are not enough: otherwise anyone could reset the tissue with two forged stamps.
 
 use std::time::{Duration, Instant};
 
 use super::inbox::PoseInput;
 use ros2_node::origin::Guid;
 
-/// A stretch is long after so many poses ...
+/// A stretch is long with this many poses ...
 const POSES: usize = 5;
-/// ... that have come for so long.
+/// ... received over this time.
 const LONG: Duration = Duration::from_millis(500);
-/// Poses that are held; the oldest go first.
+/// Number of stored poses; the oldest are dropped first.
 const HELD: usize = 1024;
 
-/// A pose that may be taken.
+/// A pose that may be accepted.
 #[derive(Clone, Copy)]
 pub(super) struct Arrival {
     pub pose: PoseInput,
     pub age_s: f64,
-    /// The node's time when it came, ns.
+    /// The node's time at reception, ns.
     pub now: Option<i64>,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// Takes a pose, and gives the number of those that are none of the stretch.
+    /// Adds a pose, and returns the number of poses that do not belong to the stretch.
     pub fn add(&mut self, publisher: Guid, arrival: Arrival) -> usize {
         let stamp = |a: &Arrival| a.pose.stamp.nanos();
         let last = self.held.last().map(stamp);
@@ -52,7 +52,7 @@ impl Stretch {
         dropped
     }
 
-    /// Whether it is long enough for a time that starts again.
+    /// Whether it is long enough for a restarted time.
     pub fn is_long(&self) -> bool {
         let received = self.held.last().map(|last| last.pose.received);
         let lasted =
@@ -60,7 +60,7 @@ impl Stretch {
         self.held.len() >= POSES && lasted
     }
 
-    /// Ends it and gives what it held.
+    /// Ends it and returns its poses.
     pub fn end(&mut self) -> Vec<Arrival> {
         self.since = None;
         std::mem::take(&mut self.held)

@@ -1,4 +1,4 @@
-//! The main thread: waits for signals, brings the built model to those who need it, and notices what has died.
+//! The main thread: waits for signals, distributes the built model, and detects threads that have ended.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -16,19 +16,19 @@ use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::spawn;
 use ros2_node::start::{NodeError, SUCCESS};
 
-/// Longest time between two looks.
+/// Longest interval between two checks.
 const TICK: Duration = Duration::from_millis(50);
 
 /// See the module.
 pub(super) struct Supervisor {
     pub frame_id: String,
-    /// A model that can't be built ends the node; else its manager hears of it.
+    /// If set, a model that can't be built ends the node; otherwise the lifecycle manager is informed.
     pub autostart: bool,
     pub shared: Arc<Shared>,
     pub inbox: Arc<Inbox>,
     pub tissue: Arc<TissueOutputs>,
     pub built: Receiver<Built>,
-    /// To the housekeeping thread: the model, or that there is none.
+    /// To the housekeeping thread: the model, or `None` if it can't be built.
     pub models: Sender<Option<Arc<Model>>>,
     pub bell: Bell,
     pub snapshots: Receiver<Box<Snapshot>>,
@@ -37,14 +37,14 @@ pub(super) struct Supervisor {
 }
 
 impl Supervisor {
-    /// Returns when a signal comes.
+    /// Returns at a signal.
     ///
     /// # Errors
     /// [`NodeError`] if the model can't be built, or a thread has ended or hangs.
     pub fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
         let outcome = self.supervise(signals, threads);
         if let Err(error) = &outcome {
-            // The last status and the last `safe_to_go_on` say so.
+            // The last status and the last `safe_to_go_on` contain it.
             self.shared.lock().dying = Some(error.to_string());
         }
         outcome
@@ -78,7 +78,7 @@ impl Supervisor {
         }
     }
 
-    /// A solver that hangs is said after `input_timeout_s` and ends the node after `solver_timeout_s`.
+    /// Reports a solver that hangs for `input_timeout_s`, and ends the node after `solver_timeout_s`.
     fn feel(&self, pulse: &mut Pulse) -> Result<(), NodeError> {
         let settings = self.shared.settings();
         let same_s = pulse.look(self.inbox.at_work()).as_secs_f64();
@@ -116,7 +116,7 @@ impl Supervisor {
     }
 
     fn tell(&self, model: Option<Arc<Model>>) {
-        // Fails only when the housekeeping thread has ended.
+        // Fails only if the housekeeping thread has ended.
         let _ = self.models.send(model);
         self.bell.ring();
     }
@@ -137,12 +137,12 @@ mod tests {
     use ros2_node::participant::Participant;
     use ros2_node::start::FAILURE;
 
-    /// Nothing from outside is known to make a thread panic, so one is made that does.
+    /// No input is known to make a thread panic, so the test creates a thread that does.
     #[test]
     fn a_thread_that_panics_ends_the_node_with_its_name_and_an_error() {
         let environment = Environment::from_lookup(|_| None).unwrap();
         let names = Names::new("twin", &RosArguments::default()).unwrap();
-        // Endpoints that are never made: it does not join the network.
+        // The endpoints are never created: it does not join the network.
         let mut participant = Participant::new(names, &environment, &RosArguments::default()).unwrap();
         let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
         let shared = Arc::new(Shared::new(Settings::of(&parameters), NodeClock::new(false)));

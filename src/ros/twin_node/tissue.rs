@@ -1,4 +1,4 @@
-//! The deformation outputs: each at the node's own rate, each only while somebody subscribes.
+//! The deformation outputs: each at its rate, and only while it has a subscriber.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,21 +21,21 @@ use ros2_messages::visualization_msgs::Marker;
 use ros2_node::participant::{Output, Participant, ParticipantError};
 use ros2_node::qos;
 
-/// What never changes of a twin, copied out of it once.
+/// The constant data of a twin, copied once.
 #[derive(Clone, Debug)]
 #[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Model {
     pub id: u64,
     pub scene: String,
     pub method: String,
-    /// Dimension of the model, and why; what corrects it.
+    /// Dimension of the model with the reason, and its correction.
     pub dimension: String,
-    /// What is left of its error, where it is corrected.
+    /// Remaining error of a corrected model.
     pub error: f64,
     pub nodes: usize,
     pub integration_points: usize,
     pub build: Duration,
-    /// Radius that the cloud gives a needle, m.
+    /// Effective radius of a needle in the cloud, m.
     pub effective_radius: Option<f64>,
     pub points: Vec<[f64; 3]>,
     pub surface: Vec<[u32; 3]>,
@@ -44,9 +44,9 @@ pub(super) struct Model {
     pub region: Vec<u8>,
     pub target_names: Vec<String>,
     pub target_references: Vec<[f64; 3]>,
-    /// As the live page draws it.
+    /// In the format of the live page.
     pub instrument: serde_json::Value,
-    /// Regions that the tip comes through.
+    /// Regions along the path of the tip.
     pub along: Arc<Along>,
 }
 
@@ -91,7 +91,7 @@ impl Model {
     }
 }
 
-/// The same scene and points give the same number; never 0.
+/// A number that is equal for the same scene and points; never 0.
 fn model_id(scene: &str, points: &[[f64; 3]]) -> u64 {
     let mut hash = xxhash_rust::xxh3::Xxh3::new();
     hash.update(scene.as_bytes());
@@ -101,7 +101,7 @@ fn model_id(scene: &str, points: &[[f64; 3]]) -> u64 {
     hash.digest().max(1)
 }
 
-/// The deformation at one time. The vectors travel back and forth and are never allocated anew.
+/// The deformation at one time. The vectors are reused between the threads, without new allocation.
 #[derive(Debug, Default)]
 pub(super) struct Snapshot {
     pub stamp: Time,
@@ -110,19 +110,19 @@ pub(super) struct Snapshot {
     pub jacobian: Vec<f64>,
     pub von_mises_pa: Vec<f64>,
     pub targets: Vec<[f64; 3]>,
-    /// Where the instrument is, and its direction into the sample.
+    /// Position of the instrument, and its direction into the sample.
     pub tip: [f64; 3],
     pub axis: [f64; 3],
-    /// It is for subscribers, for viewers, or for both.
+    /// Whether it is for subscribers, for viewers, or for both.
     pub for_topics: bool,
     pub for_viewers: bool,
-    /// The twin is on its way to a pose: what it has is of none.
+    /// Whether the twin is in a motion in parts: the state does not belong to a pose.
     pub under_way: bool,
-    /// What is wanted of all this.
+    /// The requested parts.
     pub wants: Wants,
 }
 
-/// What of the deformation somebody subscribes to.
+/// The parts of the deformation that have a subscriber.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Wants {
     pub displacements: bool,
@@ -179,7 +179,7 @@ pub(super) struct TissueOutputs {
 
 impl TissueOutputs {
     pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
-        // Best effort for what is big: a frozen reliable reader would make RustDDS keep every sample.
+        // Best effort for large messages: for a suspended reliable reader RustDDS would keep every sample.
         Ok(Self {
             state: participant.publisher("tissue_state", qos::sensor(5))?,
             points: participant.publisher("tissue_points", qos::sensor(5))?,
@@ -193,7 +193,7 @@ impl TissueOutputs {
         self.state.failed() + self.points.failed() + self.surface.failed() + self.targets.failed()
     }
 
-    /// What has a subscriber; a scene without targets has none to publish.
+    /// The parts with a subscriber; a scene without targets publishes none.
     fn wants(&self, model: &Model) -> Wants {
         let cloud = self.points.is_wanted();
         Wants {
@@ -203,7 +203,7 @@ impl TissueOutputs {
         }
     }
 
-    /// What viewers see.
+    /// The parts that viewers see.
     fn viewers_want(&self, model: &Model) -> Wants {
         let watched = self.viewers.watch();
         Wants { displacements: watched, stress: false, targets: watched && !model.target_names.is_empty() }
@@ -220,7 +220,7 @@ impl TissueOutputs {
 
     fn publish(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
         let header = Header { stamp: snapshot.stamp, frame_id: frame_id.to_owned() };
-        // what came to be wanted since the snapshot was asked for is in the next one
+        // parts requested after the snapshot are in the next one
         let Wants { displacements, stress, targets } = snapshot.wants;
         if displacements && self.state.is_wanted() {
             self.state.send(TissueState {
@@ -243,18 +243,18 @@ impl TissueOutputs {
     }
 }
 
-/// Time between two looks whether somebody has come to listen.
+/// Interval of the checks for a subscriber.
 const UNWANTED: Duration = Duration::from_millis(100);
-/// Rate of what viewers see.
+/// Rate for viewers.
 const VIEWERS_HZ: f64 = 30.0;
 
-/// Falls at a rate.
+/// A periodic deadline.
 struct Beat {
     due: Instant,
 }
 
 impl Beat {
-    /// Whether it falls now. Absolute deadlines; what was missed is skipped, not caught up.
+    /// Whether the deadline is reached. Deadlines are absolute; missed ones are skipped.
     fn falls(&mut self, now: Instant, period: Duration) -> bool {
         let falls = now >= self.due;
         if falls {
@@ -264,7 +264,8 @@ impl Beat {
     }
 }
 
-/// The tissue thread: asks for snapshots, at the rate of the topics and at that of viewers, hands them on, ends when the solver has.
+/// The tissue thread: requests snapshots at the rates of the topics and of viewers, and publishes them. Ends with the
+/// solver.
 pub(super) fn run(
     outputs: &TissueOutputs,
     model: &Model,
@@ -297,7 +298,7 @@ pub(super) fn run(
         match snapshots.recv_deadline(topics.due.min(viewers.due)) {
             Ok(snapshot) => {
                 if !shared.is_active() || snapshot.under_way {
-                    // It was asked for in another state, or is of no pose.
+                    // It was requested in another state, or does not belong to a pose.
                 } else if snapshot.is_finite() {
                     outputs.show(model, &snapshot, frame_id);
                 } else {

@@ -1,4 +1,4 @@
-//! Tracked points inside the sample, the scene's targets, on their way from `measured_targets` to the members.
+//! Tracked points inside the sample (the scene's targets), from `measured_targets` to the members.
 
 use std::collections::VecDeque;
 
@@ -6,14 +6,14 @@ use needle_core::instrument::reading::COORDINATE_M;
 use needle_estimate::compare::ensemble::{Live, Told};
 use ros2_messages::geometry_msgs::PoseArray;
 
-/// Answers of the members that are kept for points to come: a quarter of a second at 1 kHz.
+/// Number of stored answers of the members for points to come: a quarter of a second at 1 kHz.
 const KEPT: usize = 256;
-/// Sets of points that may wait for the members.
+/// Number of queued sets of points.
 const WAITING: usize = 64;
-/// Most points that are taken out of a message.
+/// Largest number of points taken from a message.
 const MOST: usize = 4096;
 
-/// Where points were seen, in frame `sample`, m; not a number where one was not.
+/// Positions of points in frame `sample`, m; not a number if one was not seen.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Seen {
     pub stamp_nanos: i64,
@@ -21,7 +21,7 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// What a message says; why it can't be used.
+    /// The points in a message; the error states why it can't be used.
     pub fn of(message: &PoseArray, stamp_nanos: i64, frame_id: &str) -> Result<Self, String> {
         let frame = &message.header.frame_id;
         if !frame.is_empty() && frame != frame_id {
@@ -33,18 +33,18 @@ impl Seen {
     }
 }
 
-/// What the members said at the latest poses, and what was seen and waits for them.
+/// The members' predictions at the latest poses, and the queued points.
 #[derive(Debug, Default)]
 pub(super) struct Tracks {
     /// Whether points have come since the start.
     wanted: bool,
-    /// Stamp, whether what is measured there counts, and what the members said.
+    /// Stamp, whether measurements at it are used, and the members' predictions.
     told: VecDeque<(i64, bool, Told)>,
     waiting: VecDeque<Seen>,
 }
 
 impl Tracks {
-    /// What was seen since the last pose.
+    /// Queues the points seen since the last pose.
     pub fn seen(&mut self, points: VecDeque<Seen>) {
         self.wanted |= !points.is_empty();
         self.waiting.extend(points);
@@ -52,7 +52,8 @@ impl Tracks {
         self.waiting.drain(..surplus);
     }
 
-    /// The members have answered a pose; `counts`: not one of a tissue that the instrument has let go.
+    /// Stores the members' answer to a pose; `counts`: false while the tissue oscillates after separating from the
+    /// instrument.
     pub fn answered(&mut self, stamp_nanos: i64, counts: bool, live: &Live) {
         if self.wanted {
             if self.told.len() == KEPT {
@@ -62,8 +63,9 @@ impl Tracks {
         }
     }
 
-    /// Lets the members learn from what lies between two of their answers; how many points a message and a member have, where these differ.
-    #[allow(clippy::cast_precision_loss)] // a share of the time between two poses
+    /// Assimilates the points between two of the members' answers. Returns the numbers of points of a message and of
+    /// a member, if these differ.
+    #[allow(clippy::cast_precision_loss)] // a fraction of the time between two poses
     pub fn learn(&mut self, live: &mut Live) -> Option<[usize; 2]> {
         let mut other = None;
         while let Some(seen) = self.waiting.front() {
@@ -83,7 +85,7 @@ impl Tracks {
         other
     }
 
-    /// The members are undeformed again.
+    /// The members were reset.
     pub fn reset(&mut self) {
         self.told.clear();
         self.waiting.clear();

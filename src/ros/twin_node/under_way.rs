@@ -1,7 +1,9 @@
-//! A way that is too long for one answer: an instrument that is deep in the tissue when it is first seen, or after a gap.
+//! A motion that takes too long for one answer: an instrument that is deep in the tissue at the first pose, or after
+//! a gap.
 //!
-//! The twin goes there in parts, between which the solver looks at its inbox, so that it is seen to be alive and does what it is asked.
-//! It goes to the farthest of the poses that come meanwhile first (the deepest on the way in), since the needle was there, and then to the newest.
+//! The twin moves there in parts. In between the solver checks its inbox, so that it shows signs of life and handles
+//! requests. It moves first to the farthest of the poses that come meanwhile (the deepest during an insertion), since
+//! the needle was there. Then it moves to the newest.
 
 use std::time::Instant;
 
@@ -9,14 +11,14 @@ use super::inbox::PoseInput;
 use super::solver::Progress;
 use needle_core::twin::{Halt, Part, StampedPose, Twin};
 
-/// A way that takes no longer than this is made at once, s: an answer that is older is of little use.
+/// A motion that takes no longer than this is made at once, s: an older answer is of little use.
 const AT_ONCE_S: f64 = 0.2;
 /// Wall time of one part, s.
 const PART_S: f64 = 0.05;
-/// Most strides of a part.
+/// Largest number of strides in a part.
 const MOST: f64 = 64.0;
 
-/// A pose that the twin goes to.
+/// A pose that is the goal of the motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Goal {
     pub input: PoseInput,
@@ -27,24 +29,25 @@ pub(super) struct Goal {
 pub(super) struct UnderWay {
     farthest: Goal,
     newest: Goal,
-    /// The way goes deeper.
+    /// Whether the motion goes deeper.
     inward: bool,
     since: Instant,
-    /// Longest that the way asked for so far, m: what is left of it would ask for shorter ones.
+    /// Longest stride that the motion allowed so far, m: the remaining motion alone would need shorter ones.
     stride_m: f64,
-    /// Wall time of a stride of late, s.
+    /// Recent wall time of a stride, s.
     stride_s: f64,
-    /// Strides that were made.
+    /// Number of strides made.
     made: u32,
     left: u32,
     skipped: u64,
 }
 
 impl UnderWay {
-    /// The way to a pose, if it takes long. `from_m`: depth at which it begins, m; `stride_s`: wall time of a stride of late, s.
+    /// The motion to a pose, if it takes long. `from_m`: depth at its start, m; `stride_s`: recent wall time of a
+    /// stride, s.
     pub fn to(twin: &Twin, goal: Goal, from_m: f64, stride_s: f64) -> Option<Self> {
         let length = twin.way_to(&goal.stamped).ok().filter(|l| f64::from(l.strides) * stride_s > AT_ONCE_S)?;
-        // one that no instrument makes is refused as ever
+        // a motion that no instrument makes is refused as usual
         twin.can_follow(&goal.stamped).then_some(Self {
             farthest: goal,
             newest: goal,
@@ -58,7 +61,7 @@ impl UnderWay {
         })
     }
 
-    /// Where it goes now.
+    /// The present goal.
     pub fn goal(&self) -> Goal {
         self.farthest
     }
@@ -71,7 +74,7 @@ impl UnderWay {
     /// Takes a newer pose.
     ///
     /// # Errors
-    /// Why it can't be one.
+    /// Why it is not a valid goal.
     pub fn head_for(&mut self, twin: &Twin, goal: Goal) -> Result<(), String> {
         if let Err(Halt::Pose { reason }) = twin.way_to(&goal.stamped) {
             return Err(reason);
@@ -89,7 +92,7 @@ impl UnderWay {
         Ok(())
     }
 
-    /// Takes the twin a part further.
+    /// Moves the twin by one part.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     pub fn go_on(&mut self, twin: &mut Twin) -> Result<Part, Halt> {
         let begun = Instant::now();
@@ -103,12 +106,12 @@ impl UnderWay {
         Ok(outcome)
     }
 
-    /// Wall time of a stride of late, s.
+    /// Recent wall time of a stride, s.
     pub fn stride_s(&self) -> f64 {
         self.stride_s
     }
 
-    /// How far it has come, with what came since this was asked last.
+    /// The progress, with the number of poses since the last call.
     pub fn progress(&mut self, twin: &Twin) -> Progress {
         let whole = f64::from(self.made.saturating_add(self.left).max(1));
         Progress {

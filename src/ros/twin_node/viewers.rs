@@ -1,4 +1,4 @@
-//! Who looks at the sample, beside subscribers: browsers and clients of OpenIGTLink. All see the same snapshots.
+//! Viewers of the sample in addition to subscribers: browsers and clients of OpenIGTLink. All see the same snapshots.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use super::openigtlink::Link;
 use super::page::{self, Board};
 use super::tissue::{Model, Snapshot};
 
-/// Where snapshots for viewers go.
+/// Recipients of snapshots for viewers.
 #[derive(Default)]
 pub(super) struct Viewers {
     /// The live page, if one is served.
@@ -16,19 +16,19 @@ pub(super) struct Viewers {
 }
 
 impl Viewers {
-    /// Whether anybody looks.
+    /// Whether there is a viewer.
     pub fn watch(&self) -> bool {
         self.page.as_ref().is_some_and(|board| board.is_watched())
             || self.link.as_ref().is_some_and(|link| link.is_watched())
     }
 
-    /// Shows them a sample, undeformed.
+    /// Shows an undeformed sample.
     pub fn model(&self, model: &Model) {
         self.page.iter().for_each(|board| page::model(board, model));
         self.link.iter().for_each(|link| link.model(model));
     }
 
-    /// Shows them the sample at a moment.
+    /// Shows the sample at one time.
     pub fn tissue(&self, snapshot: &Snapshot) {
         self.page.iter().filter(|board| board.is_watched()).for_each(|board| page::tissue(board, snapshot));
         self.link.iter().filter(|link| link.is_watched()).for_each(|link| link.tissue(snapshot));

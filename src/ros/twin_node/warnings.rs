@@ -1,7 +1,7 @@
-//! Watches, while it runs, whether what is measured fits the model: units, signs, contact depth, clocks, and the verdict on it all.
+//! Checks at run time whether the measurement fits the model: units, signs, contact depth, clocks, and the verdict.
 //!
-//! Samples of the comparison are kept, at most one per [`SPACING_S`]; the housekeeping thread looks at them now and then, beside the
-//! solver. A forecast is never changed by it.
+//! Samples of the comparison are stored, at most one per [`SPACING_S`]. The housekeeping thread checks them from time
+//! to time, in parallel to the solver. The checks never change a prediction.
 
 use std::time::{Duration, Instant};
 
@@ -16,18 +16,18 @@ use ros2_messages::needle_twin::ForceComparison;
 
 /// Least time between two samples, s.
 const SPACING_S: f64 = 0.02;
-/// Samples that are kept: half a minute; then the older half goes.
+/// Number of stored samples: half a minute; then the older half is dropped.
 const KEPT: usize = 1500;
-/// Fewest samples in contact that say something of size and sign (half a second), and of the alignment.
+/// Fewest samples in contact for a check of size and sign (half a second), and of the alignment.
 const FIRST: usize = 25;
 const ENOUGH: usize = 200;
-/// Between two looks.
+/// Interval of the checks.
 const LOOK: Duration = Duration::from_secs(4);
 
 /// (time in s, depth in m, predicted and measured force in N).
 type Sample = [f64; 4];
 
-/// What was compared lately.
+/// Recent comparisons.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Samples(Vec<Sample>);
 
@@ -61,14 +61,14 @@ impl Samples {
     }
 }
 
-/// Looks at the samples now and then.
+/// Checks the samples from time to time.
 #[derive(Debug)]
 pub(super) struct Watch {
     due: Instant,
-    /// Whether the last look saw something.
+    /// Whether the last check had a finding.
     seen: bool,
     said: Vec<String>,
-    /// Time of the latest sample at the last look, s.
+    /// Time of the latest sample at the last check, s.
     newest_s: Option<f64>,
 }
 
@@ -77,7 +77,7 @@ impl Watch {
         Self { due: Instant::now() + LOOK, seen: false, said: Vec::new(), newest_s: None }
     }
 
-    /// Whether a look is due: some time has passed, and something has come since the last one.
+    /// Whether a check is due: the interval has passed, and there are new samples.
     pub fn is_due(&mut self, samples: &Samples) -> bool {
         let due = Instant::now() >= self.due && samples.newest_s() != self.newest_s;
         if due {
@@ -87,16 +87,16 @@ impl Watch {
         due
     }
 
-    /// What seems wrong with the samples, and the verdict on them; new findings go to the log. While something is `identified` a
-    /// scene that is off is what it is for.
+    /// Findings in the samples, and the verdict on them; new findings are logged. With `identified`, deviations of
+    /// the scene are expected.
     pub fn look(&mut self, samples: &Samples, identified: bool) -> (Vec<String>, Verdict) {
         let rows = samples.rows();
         let verdict = judge(&rows, 1, FORCE_ERROR);
         let seen = self.warnings(&rows, if identified { Explains::Yes } else { verdict.explains }, &verdict);
-        // a finding counts when two checks in a row have it
+        // a finding counts if two consecutive checks have it
         let warnings = if self.seen && !seen.is_empty() { seen.clone() } else { Vec::new() };
         self.seen = !seen.is_empty();
-        // numbers change from look to look; the log has each kind once
+        // the numbers change between checks; the log has each kind once
         if warnings.len() > self.said.len() {
             warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         }
@@ -132,7 +132,7 @@ mod tests {
     use ros2_messages::builtin_interfaces::Time;
     use ros2_messages::std_msgs::Header;
 
-    /// In at 1 mm/s to 8 mm, out at 4 mm/s; the force is what a factor and a delay make of it.
+    /// Insertion at 1 mm/s to 8 mm, retraction at 4 mm/s; the force has a factor and a delay.
     fn samples(factor: f64, late_s: f64) -> Samples {
         let depth = |t: f64| if t < 9.0 { 1e-3 * (t - 1.0) } else { 8e-3 - 4e-3 * (t - 9.0) };
         let force = |t: f64| 700.0 * depth(t).max(0.0).powf(1.6);

@@ -1,4 +1,4 @@
-//! Of a program that was built without OpenIGTLink.
+//! Replacement for a program that was built without OpenIGTLink.
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ use super::tissue::{Model, Snapshot};
 use ros2_node::parameters::Parameters;
 use ros2_node::start::NodeError;
 
-/// There is none.
+/// Never constructed.
 pub(super) enum Link {}
 
 impl Link {
-    /// Refuses it.
+    /// Rejects OpenIGTLink.
     ///
     /// # Errors
-    /// [`NodeError::Usage`] if the parameters ask for it.
+    /// [`NodeError::Usage`] if the parameters enable it.
     pub fn open(parameters: &Parameters, _: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
         if parameters.get(declared::OPENIGTLINK) {
             return Err(NodeError::Usage("openigtlink: this program was built without the feature slicer".to_owned()));

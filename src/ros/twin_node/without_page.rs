@@ -1,4 +1,4 @@
-//! Of a program that was built without the live page.
+//! Replacement for a program that was built without the live page.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use ros2_messages::needle_twin::TwinStatus;
 use ros2_node::parameters::Parameters;
 use ros2_node::start::NodeError;
 
-/// There is none.
+/// Never constructed.
 pub(super) struct Page {
     pub board: Arc<Board>,
 }
 
-/// Nobody looks at it.
+/// Never constructed.
 pub(super) enum Board {}
 
-/// Nobody asks.
+/// Never constructed.
 pub(super) struct Asked {
     pub command: Command,
 }
 
-/// Of nobody.
-#[allow(dead_code)] // nobody sends one
+/// Never constructed.
+#[allow(dead_code)] // no command is ever sent
 pub(super) enum Command {
     Tare,
     Reset,
@@ -45,10 +45,10 @@ impl Asked {
 }
 
 impl Page {
-    /// Refuses it.
+    /// Rejects the live page.
     ///
     /// # Errors
-    /// [`NodeError::Usage`] if the parameters ask for it.
+    /// [`NodeError::Usage`] if the parameters enable it.
     pub fn open(parameters: &Parameters, _: &Arc<Shared>, _: Bell) -> Result<Option<Self>, NodeError> {
         if parameters.get(declared::PAGE) {
             return Err(NodeError::Usage("page: this program was built without the feature page".to_owned()));

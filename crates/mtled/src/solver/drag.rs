@@ -5,7 +5,12 @@
 //! end     P_i = k_i x_i, x_i = d - c_i - w_i   0 <= P_i <= l_i   beyond the limit c_i follows: the end goes on through the material;
 //!                                     it never pulls, and comes back to where it was. Where c_i can't follow, each further x_i costs
 //!                                     K_i >> k_i: a membrane
+//! stop    c = sum_i a_i c_i <= z      a_i: share of ring i in the end's area; z: depth of the membrane
 //! ```
+//!
+//! The end acts on the material at the depth c, the mean: the c_i differ as much as the tissue under its face is bent. So they all stop
+//! together, when the mean is at the membrane. If each stopped at z for itself, the first ring there would carry all further force, and
+//! the mean would never come.
 //!
 //! d: way of the rod along its axis; w: displacement of a layer of nodes along the axis. Behind the end a layer moves as one. The end
 //! acts on three layers j in the shares s_j: w_i = sum_j s_j w_ij over their rings i, and P_i acts on them in the same shares.
@@ -66,12 +71,8 @@ pub struct End {
     pub stiff: f64,
     /// Sum of the limits l_i, N; infinite: c_i does not follow, and K_i acts from the first.
     pub limit: f64,
-    /// Largest c_i, m: a membrane, until the whole push reaches `puncture`.
+    /// Largest mean of all c_i, m: a membrane.
     pub stop: f64,
-    /// N.
-    pub puncture: f64,
-    /// Limit once it is broken, N; nothing stops the end then.
-    pub beyond: f64,
     /// How the limits grow with the speed of c_i.
     pub rate: Rate,
     /// How far a c_i may be behind the mean of all, m.
@@ -194,53 +195,83 @@ impl Drag {
         }
     }
 
+    /// The parts of a ring that the end acts on, and the share of each.
+    fn parts(&self, ring: usize) -> impl Iterator<Item = (std::ops::Range<usize>, f64)> {
+        (self.end.first..).zip(self.end.shares).filter(|(_, s)| *s > 0.0).map(move |(l, s)| (self.ring(l, ring), s))
+    }
+
+    /// w_i of a ring after a step without the end, m, and the ring's springs, with a limit in N of the whole end.
+    fn meets(&self, i: usize, u: &[[f64; 3]], slip: &Slip, limit: f64, mass: &[f64], rule: &Rule) -> (f64, Tip) {
+        let (mut w, mut compliance) = (0.0, 0.0);
+        for (ring, weight) in self.parts(i) {
+            let each = weight / ring.len() as f64;
+            for p in ring {
+                w += each * (self.along(p, u) + slip.step[p]);
+                compliance += each * each / (mass[self.nodes[p] as usize] * rule.mass_factor);
+            }
+        }
+        let [spring, stiff, most] = [self.end.spring, self.end.stiff, limit].map(|sum| self.areas[i] * sum);
+        (w, Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance })
+    }
+
+    /// Where a ring's c_i has to be for its push to be at its limit `most` in N, m, and whether it goes faster than the limit holds for.
+    /// `gap`: d - w_i, m.
+    fn goes_on(&self, tip: &Tip, most: f64, gap: f64, began: f64) -> (f64, bool) {
+        let at = gap - most * tip.give();
+        let Rate { exponent, slow } = self.end.rate;
+        if exponent > 0.0 && at - began > slow {
+            (began + self.end.rate.way(at - began, most, 1.0 / tip.give()), true)
+        } else {
+            (at, false)
+        }
+    }
+
+    /// Share of the way that the c_i would go in a step which brings their mean to a membrane, and no farther; 1 where it is not reached.
+    fn share_of_way(&self, u: &[[f64; 3]], slip: &Slip, d: f64, mass: &[f64], rule: &Rule) -> f64 {
+        let End { limit, stop, .. } = self.end;
+        if !(limit.is_finite() && stop.is_finite()) {
+            return 1.0;
+        }
+        let (mut before, mut after) = (0.0, 0.0);
+        for (i, area) in self.areas.iter().enumerate() {
+            let (w, tip) = self.meets(i, u, slip, limit, mass, rule);
+            let c = slip.end_floor[i];
+            let on = tip.force(d - c - w) > tip.limit;
+            let to = if on { self.goes_on(&tip, tip.limit, d - w, slip.began[i]).0.max(c) } else { c };
+            (before, after) = (before + area * c, after + area * to);
+        }
+        if after <= stop { 1.0 } else { ((stop - before) / (after - before)).max(0.0) }
+    }
+
     /// The end's push, ring by ring.
     fn push(&self, state: &mut Moving, mass: &[f64], rule: &Rule, d: f64) {
         let Moving { u, slip, .. } = state;
         let end = &self.end;
-        let (mut limit, mut stop) = (end.limit, end.stop);
-        if slip.broken.is_some() {
-            (limit, stop) = (end.beyond, f64::INFINITY);
+        let limit = end.limit;
+        if !end.springs {
+            slip.end_floor.copy_from_slice(&slip.end);
         }
-        let springs = self.springs(slip);
+        let share = self.share_of_way(u, slip, d, mass, rule);
+        slip.stopped = share < 1.0;
         for i in 0..self.areas.len() {
-            let parts = || (end.first..).zip(end.shares).filter(|(_, s)| *s > 0.0).map(|(l, s)| (self.ring(l, i), s));
-            let (mut w, mut compliance) = (0.0, 0.0);
-            for (ring, weight) in parts() {
-                let each = weight / ring.len() as f64;
-                for p in ring {
-                    w += each * (self.along(p, u) + slip.step[p]);
-                    compliance += each * each / (mass[self.nodes[p] as usize] * rule.mass_factor);
-                }
-            }
-            let [spring, stiff, most] = [end.spring, end.stiff, limit].map(|sum| self.areas[i] * sum);
-            let mut tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
-            if !springs {
-                slip.end_floor[i] = slip.end[i];
-            }
+            let (w, mut tip) = self.meets(i, u, slip, limit, mass, rule);
+            let most = self.areas[i] * limit;
             let mut c = slip.end_floor[i];
             let (mut force, mut work) = (tip.force(d - c - w), 0.0);
             if force > most {
-                // where the end has to be for the force to be at its limit
-                let give = 1.0 / spring + compliance;
-                let mut at = d - w - most * give;
-                let fast = end.rate.exponent > 0.0 && at - slip.began[i] > end.rate.slow;
-                if fast {
-                    at = slip.began[i] + end.rate.way(at - slip.began[i], most, 1.0 / give);
-                }
-                c = at.min(stop).max(c);
-                let stopped = c >= stop;
-                if fast && !stopped {
+                let (at, fast) = self.goes_on(&tip, most, d - w, slip.began[i]);
+                c = if slip.stopped { c + share * (at - c).max(0.0) } else { at.max(c) };
+                if fast && !slip.stopped {
                     // the limit at the speed that it has
-                    tip.limit = (d - c - w) / give;
+                    tip.limit = (d - c - w) / tip.give();
                 }
                 force = tip.force(d - c - w);
-                work = if fast && !stopped { force } else { most.min(force) };
+                work = if fast && !slip.stopped { force } else { most.min(force) };
             }
             slip.dissipated += work * (c - slip.end[i]);
             slip.end[i] = c;
             slip.push[i] = force;
-            for (ring, weight) in parts() {
+            for (ring, weight) in self.parts(i) {
                 let each = force * weight / ring.len() as f64;
                 for p in ring {
                     slip.step[p] += each / (mass[self.nodes[p] as usize] * rule.mass_factor);
@@ -253,15 +284,6 @@ impl Drag {
             slip.dissipated += force * (behind - *c);
             *c = behind;
         }
-        let all: f64 = slip.push.iter().sum();
-        if slip.broken.is_none() && end.puncture.is_finite() && all >= end.puncture {
-            slip.broken = Some([d, all]);
-        }
-    }
-
-    /// Whether the tissue springs back after a membrane.
-    fn springs(&self, slip: &Slip) -> bool {
-        self.end.springs || slip.broken.is_some()
     }
 
     /// Mean of c_i over the end's area, m.
@@ -285,7 +307,7 @@ impl Drag {
             _ => places.clone().map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor,
         };
         let w = places.clone().map(|p| slip.step[p]).sum::<f64>() / count + at.flat;
-        if !self.springs(slip) {
+        if !self.end.springs {
             slip.wall_floor[layer] = slip.wall[layer];
         }
         let (force, b) = slide(spring, limit, heavy, d - w, slip.wall_floor[layer]);
@@ -310,16 +332,14 @@ impl Drag {
     /// Whether the end holds a place's node, of the layer that is nearest to the end: what it pushes with less than its limit, or at a
     /// membrane.
     fn is_pushed(&self, slip: &Slip, layer: usize, place: usize) -> bool {
-        let End { first, shares, spring, .. } = self.end;
+        let End { first, shares, spring, limit, .. } = self.end;
         let most = shares.iter().copied().fold(0.0, f64::max);
         if spring <= 0.0 || layer.checked_sub(first).and_then(|j| shares.get(j)).is_none_or(|s| *s < most) {
             return false;
         }
         let within = place - self.layer(layer).start;
         let ring = self.rings.partition_point(|first| *first <= within) - 1;
-        let limit = if slip.broken.is_some() { self.end.beyond } else { self.end.limit };
-        let stopped = slip.broken.is_none() && slip.end[ring] >= self.end.stop;
-        slip.push[ring] > 0.0 && (stopped || slip.push[ring] < (1.0 - ROUND_OFF) * self.areas[ring] * limit)
+        slip.push[ring] > 0.0 && (slip.stopped || slip.push[ring] < (1.0 - ROUND_OFF) * self.areas[ring] * limit)
     }
 
     /// Takes a layer's step, and what velocity is left of it. That of a wall that sticks is damped critically for its spring.

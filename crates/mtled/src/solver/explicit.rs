@@ -155,11 +155,6 @@ impl Solver {
         self.state.begin_cut();
     }
 
-    /// [`State::mend`].
-    pub fn mend(&mut self) {
-        self.state.mend();
-    }
-
     /// [`State::forget_motion`].
     pub fn forget_motion(&mut self) {
         self.state.forget_motion();

@@ -16,6 +16,11 @@ pub(super) struct Tip {
 }
 
 impl Tip {
+    /// How far a force moves spring and tissue together within a step, m/N.
+    pub fn give(&self) -> f64 {
+        1.0 / self.spring + self.compliance
+    }
+
     /// Push at the end of a step, N, from d - c - w without it, m.
     pub fn force(&self, gap: f64) -> f64 {
         let Self { spring, stiff, limit, compliance } = *self;

@@ -23,8 +23,8 @@ cloned_field_by_field! {
         pub pull: Vec<f64>,
         /// P_i, N.
         pub push: Vec<f64>,
-        /// d in m and push in N at which the membrane broke.
-        pub broken: Option<[f64; 2]>,
+        /// Whether a membrane held the end in the last step.
+        pub stopped: bool,
         /// Work that slip has dissipated, J.
         pub dissipated: f64,
         /// Whether each node goes with the rod: it sticks to the wall or to the end.
@@ -45,13 +45,13 @@ impl Slip {
 
     /// Nothing slipped; allocates nothing.
     pub(super) fn forget(&mut self) {
-        let Self { at, wall, end, wall_floor, end_floor, began, pull, push, broken, dissipated, held, step, load } =
+        let Self { at, wall, end, wall_floor, end_floor, began, pull, push, stopped, dissipated, held, step, load } =
             self;
         for numbers in [wall, end, wall_floor, end_floor, began, pull, push, step, load] {
             numbers.fill(0.0);
         }
         held.fill(false);
-        (*at, *broken, *dissipated) = (0.0, None, 0.0);
+        (*at, *stopped, *dissipated) = (0.0, false, 0.0);
     }
 }
 
@@ -68,7 +68,7 @@ impl Drag {
             began: vec![0.0; rings],
             pull: vec![0.0; layers],
             push: vec![0.0; rings],
-            broken: None,
+            stopped: false,
             dissipated: 0.0,
             held: vec![false; self.nodes.len()],
             step: vec![0.0; self.nodes.len()],

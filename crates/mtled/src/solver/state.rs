@@ -306,22 +306,16 @@ impl State {
         self.constraints.drag.end = end;
     }
 
-    /// The rod's end is at a depth of the material, m, and has broken what was there.
+    /// The rod's end is at a depth of the material, m.
     pub fn place_end(&mut self, depth: f64) {
         self.moving.slip.end.fill(depth);
         self.moving.slip.end_floor.fill(depth);
         self.moving.slip.began.fill(depth);
-        self.moving.slip.broken = None;
     }
 
     /// A stretch of time begins, that of the end's [`End::rate`].
     pub fn begin_cut(&mut self) {
         self.moving.slip.began.copy_from_slice(&self.moving.slip.end);
-    }
-
-    /// Another membrane is in the end's way.
-    pub fn mend(&mut self) {
-        self.moving.slip.broken = None;
     }
 
     /// What was learnt of the motion is no longer true: the nodes stand, and go along with nothing.

@@ -3,6 +3,7 @@
 mod capture;
 mod frictional;
 mod needle;
+mod own;
 mod phase;
 mod press;
 mod puncture;
@@ -11,10 +12,11 @@ pub mod surface;
 
 pub use frictional::{Frictional, Resistance, Shaft, start_and_slow};
 pub use needle::{Insertion, NeedlePath};
+pub use own::{Instrument, Own};
 pub use phase::{Event, Phase};
 pub use press::Press;
 
-use crate::scene::{Instrument, InstrumentKind};
+use crate::scene::{self, InstrumentKind};
 use mtled::cloud::{Axis, BASE, TOP};
 use mtled::solver::Solver;
 
@@ -27,6 +29,8 @@ pub enum Contact {
     Needle(Box<NeedlePath>),
     /// Needle with friction, cutting and puncture.
     Frictional(Box<Frictional>),
+    /// An instrument of the user's own.
+    Own(Own),
 }
 
 /// Where the tip is relative to the scene's entry point on the undeformed top face, m.
@@ -52,7 +56,7 @@ impl Tip {
 impl Contact {
     /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path; never those of the base.
     #[must_use]
-    pub fn nodes(points: &[[f64; 3]], faces: &[u8], top: f64, instrument: &Instrument) -> Vec<u32> {
+    pub fn nodes(points: &[[f64; 3]], faces: &[u8], top: f64, instrument: &scene::Instrument) -> Vec<u32> {
         let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
@@ -73,6 +77,7 @@ impl Contact {
             Self::Press(p) => (p.impose(tip, solver), None),
             Self::Needle(n) => n.impose(tip, solver),
             Self::Frictional(n) => n.impose(tip, solver),
+            Self::Own(own) => (own.impose(tip, solver), None),
         }
     }
 
@@ -81,6 +86,7 @@ impl Contact {
         match (self, other) {
             (Self::Needle(own), Self::Needle(other)) => own.take_over(other),
             (Self::Frictional(own), Self::Frictional(other)) => own.take_over(other),
+            (Self::Own(own), Self::Own(other)) => own.take_over(other),
             _ => {}
         }
     }
@@ -91,6 +97,7 @@ impl Contact {
         match (self, earlier) {
             (Self::Needle(own), Self::Needle(earlier)) => own.return_to(earlier, solver),
             (Self::Frictional(own), Self::Frictional(earlier)) => own.return_to(earlier, solver),
+            (Self::Own(own), Self::Own(earlier)) => own.take_over(earlier),
             _ => {}
         }
     }
@@ -101,6 +108,7 @@ impl Contact {
             Self::Press(p) => p.reset(solver),
             Self::Needle(n) => n.reset(solver),
             Self::Frictional(n) => n.reset(solver),
+            Self::Own(own) => own.reset(solver),
         }
     }
 }

@@ -4,7 +4,7 @@
 //! and above it the instrument has lifted off and the face is free of displacement (the bond carries no tension beyond the
 //! undeformed state). *Contact* (see [`super::surface`]): free nodes may not pass the instrument's surface, which follows every tip.
 
-use super::Phase;
+use super::{Instrument, Phase};
 use mtled::solver::{Role, Solver};
 
 use super::Tip;
@@ -22,7 +22,15 @@ impl Press {
         Self { bonded }
     }
 
-    pub(super) fn impose(&self, tip: &Tip, solver: &mut Solver) -> Phase {
+    /// Nodes that stick to it; none where it meets its surface in contact.
+    #[must_use]
+    pub fn bonded(&self) -> &[u32] {
+        &self.bonded
+    }
+}
+
+impl Instrument for Press {
+    fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> Phase {
         let inside = tip.depth > 0.0;
         let displacement = if inside { tip.offset } else { [0.0; 3] };
         for &n in &self.bonded {
@@ -33,7 +41,7 @@ impl Press {
         if inside { Phase::Indentation } else { Phase::Approach }
     }
 
-    pub(super) fn reset(&self, solver: &mut Solver) {
+    fn reset(&mut self, solver: &mut Solver) {
         for &n in &self.bonded {
             solver.set_role(n as usize, Role::Instrument);
         }

@@ -5,7 +5,7 @@ use mtled::cloud::Axis;
 
 use super::tissue::Tissue;
 use super::{Body, Phase, Twin};
-use crate::instrument::Contact;
+use crate::instrument::{Contact, Resistance};
 
 /// What lies in no region: of `[material]`.
 pub const REST: &str = "sample";
@@ -61,6 +61,23 @@ impl Along {
         };
         let after = self.stretches.partition_point(|(from, _)| *from <= depth);
         self.stretches.get(after.saturating_sub(1)).map(|(_, region)| *region)
+    }
+
+    /// What to say of membranes on the path that a needle with friction can't meet, since no layer of its nodes begins there.
+    pub(super) fn missed(&self, scene: &Scene, contact: &Contact) -> Vec<String> {
+        let Contact::Frictional(needle) = contact else { return Vec::new() };
+        let closed = |region: u8| Resistance::of(scene, region, 0.0).puncture > 0.0;
+        let missed = self.stretches.iter().filter(|(from, region)| closed(*region) && !needle.meets(*from, *region));
+        missed
+            .map(|(from, region)| {
+                format!(
+                    "the membrane of \"{}\" at {from:.6} m on the needle's path is left out: no layer of nodes begins there, \
+                     {:.6} m apart as they are; use a smaller discretisation.edge_refinement",
+                    self.name_of(*region),
+                    needle.layer()
+                )
+            })
+            .collect()
     }
 
     /// Boundaries below one depth down to another, m, each with the region that begins there.

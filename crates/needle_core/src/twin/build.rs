@@ -79,6 +79,7 @@ impl Twin {
         let pace = Pace::new(scene, height);
         let scene = scene.clone();
         let along = Along::of(&scene, &tissue, top);
+        warnings.extend(contact.iter().flat_map(|contact| along.missed(&scene, contact)));
         let mirror = scene.mirror();
         let tissue = Arc::new(tissue);
         let fixed = Fixed {
@@ -117,7 +118,7 @@ fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
     let made = match contact {
         Contact::Needle(path) => path.effective_radius(),
         Contact::Frictional(needle) => needle.effective_radius(),
-        Contact::Press(_) => return None,
+        Contact::Press(_) | Contact::Own(_) => return None,
     };
     let InstrumentKind::Needle(needle) = &scene.instrument.as_ref()?.kind else { return None };
     let asked = needle.capture_radius.get();

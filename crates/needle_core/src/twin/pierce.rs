@@ -34,10 +34,19 @@ impl Twin {
             let balance: &Balance = last.as_ref().unwrap_or(first);
             let energies = self.energies(balance);
             let settled = self.progress.pace.is_settled(balance, energies);
+            let force_n = self.corrected(balance.instrument, tip.depth);
+            let [friction, _] = self.needle_forces().unwrap_or_default();
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
             let springs = needle.springs_back(&self.solver, balance.gap, energies);
-            if (settled && !springs) || taken >= self.progress.pace.most() {
-                break;
+            let spent = taken >= self.progress.pace.most();
+            if (settled && !springs) || spent {
+                if !needle.breaks(&balance.instrument, friction) {
+                    break;
+                }
+                self.happened.close(force_n);
+                if spent {
+                    break;
+                }
             }
             sprang |= springs;
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);

@@ -18,7 +18,7 @@ impl Twin {
     #[must_use]
     pub fn sibling(&self, scene: &Scene) -> Option<Self> {
         let own = &*self.fixed;
-        if !are_alike(&own.scene, scene) {
+        if !are_alike(&own.scene, scene) || matches!(self.contact, Some(Contact::Own(_))) {
             return None;
         }
         let model = self.solver.model();
@@ -31,11 +31,13 @@ impl Twin {
         let contact = self.contact.clone().map(|contact| fresh(contact, scene, own.top, &mut solver));
         let mut warnings = own.warnings[..own.of_cloud].to_vec();
         warnings.extend(scene.advice());
+        let along = Along::of(scene, &own.tissue, own.top);
+        warnings.extend(contact.iter().flat_map(|contact| along.missed(scene, contact)));
         let fixed = Fixed {
             scene: scene.clone(),
             dimension: own.dimension.clone(),
             mirror: own.mirror,
-            along: Along::of(scene, &own.tissue, own.top),
+            along,
             tissue: Arc::clone(&own.tissue),
             warnings,
             ..*own

@@ -1,26 +1,28 @@
-//! Which of several models is taken for a kind of samples, by its data alone. What is held out (beyond `fit_to_depth_m`) is never looked at.
+//! Chooses one of several candidate models for a kind of samples, from the data alone. Readings that are held out
+//! (beyond `fit_to_depth_m`) are never used.
 //!
-//! With `choose_from_depth_m` each candidate is fitted to what is shallower than that, and predicts the rest up to `fit_to_depth_m`:
-//! e_i is the root mean square of that prediction's error over the peak, for recording i. A candidate that bends more than the tissue is
-//! caught there, where it would only have left less of a fit. Without it e_i is what is left of the fit.
+//! With `choose_from_depth_m` each candidate is fitted to the shallower readings and predicts the rest up to
+//! `fit_to_depth_m`. Then e_i is the root mean square of the prediction error divided by the peak force, for
+//! recording i. This detects a candidate that is more flexible than the tissue requires; its fit residual alone would
+//! look better. Without `choose_from_depth_m`, e_i is the fit residual.
 //!
 //! ```text
 //! m_c = mean_i e_ci^2,   best = argmin_c m_c,   s = standard deviation of e_best,i^2 / sqrt(n)
 //! chosen: of the candidates with m_c <= m_best + s those with the fewest keys, and of these the least m_c
 //! ```
 //!
-//! That is the one-standard-error rule of Breiman, Friedman, Olshen and Stone (Classification and Regression Trees, 1984, 3.4.3); without
-//! forward errors s is 0.
+//! This is the one-standard-error rule of Breiman, Friedman, Olshen and Stone (Classification and Regression Trees,
+//! 1984, 3.4.3). Without forward errors s is 0.
 
 use super::pool::fit_of;
 use super::{Fit, Row};
 
-/// A candidate over the recordings of a kind.
+/// The errors of one candidate over the recordings of a kind.
 #[derive(Clone, Debug, PartialEq)]
 struct Tried {
     name: String,
     keys: usize,
-    /// e_i^2 of every recording; `None` where it failed for one that another candidate explains.
+    /// e_i^2 of every recording. `None` if the candidate failed for a recording that another candidate explains.
     squares: Option<Vec<f64>>,
 }
 
@@ -39,7 +41,8 @@ fn standard_error(x: &[f64]) -> f64 {
     if n > 1.0 { (squares / (n - 1.0) / n).sqrt() } else { 0.0 }
 }
 
-/// Each candidate's e, root mean square over the recordings, in the manifest's order, and the one that is taken.
+/// Returns each candidate's e (root mean square over the recordings, in the manifest's order) and the name of the
+/// chosen one.
 pub(super) fn choose(rows: &[&Row]) -> (Vec<(String, Option<f64>)>, String) {
     let usable: Vec<&&Row> = rows.iter().filter(|row| row.failed.is_none()).collect();
     let fits = || usable.iter().flat_map(|row| &row.fits);
@@ -80,7 +83,7 @@ mod tests {
     #[test]
     fn of_what_is_as_good_the_simplest_is_taken() {
         let best = tried("best", 3, &[1.0, 3.0]);
-        // the best's standard error is 1
+        // the standard error of the best candidate is 1
         let within = [best.clone(), tried("simple", 2, &[2.9, 2.9]), tried("other", 2, &[2.95, 2.95])];
         assert_eq!(taken(&within, true).unwrap().name, "simple");
         assert_eq!(taken(&within, false).unwrap().name, "best", "what is left of a fit has no such rule");

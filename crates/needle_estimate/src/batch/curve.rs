@@ -1,29 +1,30 @@
-//! Measured and predicted force over the depth since contact: what a small picture needs, and one recording to predict another.
+//! Measured and predicted force over the depth since contact. Plots use it, and one recording is predicted from
+//! another with it.
 
 use serde::{Deserialize, Serialize};
 
-/// Places of a curve.
+/// Number of depths in a curve.
 const PLACES: usize = 49;
 
-/// Forces at equal distances from the contact to the deepest place of the insertion.
+/// Forces at equally spaced depths, from the contact to the deepest point of the insertion.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
-    /// Since contact, m.
+    /// Depth since contact, m.
     pub depth_m: Vec<f64>,
-    /// Less the load cell's zero, N.
+    /// Measured force minus the load cell's zero, N.
     pub measured_n: Vec<f64>,
-    /// N.
+    /// Predicted force, N.
     pub predicted_n: Vec<f64>,
 }
 
 impl Curve {
-    /// From readings in the order of time; what lies behind the deepest one is left out.
+    /// Builds the curve from readings in order of time. Readings after the deepest one are left out.
     #[must_use]
     pub fn of(depth_m: &[f64], measured_n: &[f64], predicted_n: &[f64]) -> Self {
         let Some(deepest) = (0..depth_m.len()).max_by(|&a, &b| depth_m[a].total_cmp(&depth_m[b])) else {
             return Self::default();
         };
-        // a depth that trembles has been reached once it is passed
+        // depth noise: a depth counts as reached once it has been exceeded
         let mut rising: Vec<usize> = Vec::new();
         for i in 0..=deepest {
             if rising.last().is_none_or(|&last| depth_m[i] > depth_m[last]) {
@@ -37,7 +38,7 @@ impl Curve {
         Self { measured_n: at(measured_n), predicted_n: at(predicted_n), depth_m: places }
     }
 
-    /// Force of one of the two at a depth, N; that of the nearest end outside.
+    /// Interpolates one of the two force columns at a depth, N. Outside the range it returns the nearest end value.
     #[must_use]
     pub fn at(&self, forces: &[f64], depth_m: f64) -> f64 {
         let all: Vec<usize> = (0..self.depth_m.len()).collect();

@@ -1,11 +1,11 @@
-//! What a replay or a calibration says, as a fit of a row.
+//! Converts the result of a replay or a calibration to a fit of a row.
 
 use super::{Candidate, Curve, Fit, HeldOut, Key};
 use crate::calibrate::Calibration;
 use crate::compare::{self, Run};
 use needle_recording::{At, Reading};
 
-/// Readings at the end of what was predicted whose mean is the force there.
+/// Number of readings at the end of the predicted part. Their mean is the force there.
 const AT_THE_END: usize = 5;
 
 pub(super) fn replayed(candidate: &Candidate, run: &Run) -> Fit {
@@ -31,7 +31,8 @@ pub(super) fn replayed(candidate: &Candidate, run: &Run) -> Fit {
     }
 }
 
-/// Recorded depth at a time since the first reading, m: a calibration that has moved the contact has it in its own depths.
+/// Recorded depth at a time since the first reading, m. The depths of a calibration can't be used: they contain the
+/// contact shift that was found.
 fn recorded_depth(readings: &[Reading], time_s: f64) -> f64 {
     let begin = readings.first().map_or(0.0, |r| r.time_s);
     let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { depth_m } else { 0.0 };
@@ -49,10 +50,10 @@ pub(super) fn calibrated(candidate: &Candidate, found: &Calibration, readings: &
         noise_error: e.noise_error,
     });
     let aligned = found.alignment.unwrap_or_default();
-    // what was not taken out of the recording is not taken off its depths
+    // subtract the contact depth only if the calibration corrected the recording for it
     let contact = if found.realigned[0] { aligned.contact_depth_m.value } else { 0.0 };
     let forces = &found.forces;
-    // the load cell's zero and drift, as they were found
+    // measured force without the estimated zero and drift of the load cell
     let less_zero: Vec<f64> =
         (0..forces.model_n.len()).map(|i| forces.measured_n[i] - (forces.fitted_n[i] - forces.model_n[i])).collect();
     let recorded: Vec<f64> = forces.time_s.iter().map(|t| recorded_depth(readings, *t)).collect();

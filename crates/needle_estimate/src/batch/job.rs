@@ -1,4 +1,4 @@
-//! One recording with every candidate.
+//! Runs one recording with every candidate.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,38 +8,24 @@ use xxhash_rust::xxh3::Xxh3;
 use super::fit::{calibrated, replayed};
 use super::{Candidate, Curve, Entry, Fit, Manifest, Row, Tables};
 use crate::calibrate::{CurveTable, HoldOut, LoadCell, Task, Wanted, calibrate};
-use crate::compare::{self, Answer, Collector, Keep, Watch};
+use crate::compare::{self, Cancel, Keep, Session};
 use needle_core::scene::{Override, Scene, file as scene_file};
-use needle_core::twin::Twin;
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
 
-/// Whether to end.
-pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
-
-struct Quiet<'a>(Stop<'a>);
-
-impl Watch for Quiet<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
-}
-
-/// A recording of a manifest.
+/// One recording of a manifest.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
     /// The manifest.
     pub manifest: &'a Manifest,
-    /// Which of its recordings.
+    /// Index of the recording in the manifest.
     pub number: usize,
-    /// Curves that recordings share.
+    /// Curves that the recordings share.
     pub tables: &'a Tables,
 }
 
 impl<'a> Job<'a> {
-    /// What is said of it.
+    /// The manifest's entry for this recording.
     #[must_use]
     pub fn entry(&self) -> &Entry {
         &self.manifest.recordings[self.number]
@@ -56,7 +42,7 @@ impl<'a> Job<'a> {
         entry.file.iter().chain(&entry.force_file).map(PathBuf::from).collect()
     }
 
-    /// The scene with the changes of the entry and of a candidate.
+    /// The scene, with the changes of the entry and of a candidate applied.
     pub(super) fn scene(&self, candidate: &Candidate, recording: Option<&Recording>) -> Result<Scene, String> {
         let named = self.entry().scene.as_deref().or_else(|| recording.and_then(|r| r.scene.as_deref()));
         let name = named.ok_or("no scene: name one in the manifest")?;
@@ -69,7 +55,8 @@ impl<'a> Job<'a> {
         if changes.is_empty() { Ok(scene) } else { scene.with(&changes).map_err(|e| e.to_string()) }
     }
 
-    /// Hash of all that the row depends on: what the manifest says, the files' bytes, the scenes, and the version.
+    /// Hash of everything that the row depends on: the manifest's entry, the bytes of the files, the scenes and the
+    /// version.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let mut hash = Xxh3::new();
@@ -78,7 +65,7 @@ impl<'a> Job<'a> {
             hash.update(bytes);
         };
         add(needle_core::WRITER.as_bytes());
-        // of the same file in another folder the row is the same
+        // the row must not depend on the folder that a file is in
         let said = Entry { file: None, force_file: None, scene: None, ..self.entry().clone() };
         add(&serde_json::to_vec(&said).unwrap_or_default());
         add(&serde_json::to_vec(&self.manifest.candidates).unwrap_or_default());
@@ -94,9 +81,9 @@ impl<'a> Job<'a> {
         format!("{:032x}", hash.digest128())
     }
 
-    /// The row: what fails is said in it.
+    /// Computes the row. Failures are recorded in the row.
     #[must_use]
-    pub fn run(&self, stop: Stop) -> Row {
+    pub fn run(&self, cancel: &Cancel) -> Row {
         let entry = self.entry();
         let sample = entry.sample.clone().unwrap_or_default();
         let group = entry.group.clone().unwrap_or_else(|| sample.clone());
@@ -117,14 +104,14 @@ impl<'a> Job<'a> {
             Err(error) => return Row { failed: Some(error.to_string()), ..row },
         };
         let losses = recording.losses.iter().map(ToString::to_string).collect();
-        let fits: Vec<Fit> = self.manifest.candidates.iter().map(|c| self.fit(c, &recording, stop)).collect();
-        // every candidate failed: so did the recording
+        let fits: Vec<Fit> = self.manifest.candidates.iter().map(|c| self.fit(c, &recording, cancel)).collect();
+        // if every candidate failed, the recording failed
         let failed = fits.iter().all(|fit| fit.failed.is_some()).then(|| fits.first()?.failed.clone()).flatten();
         Row { failed, losses, fits, ..row }
     }
 
-    fn fit(&self, candidate: &Candidate, recording: &Recording, stop: Stop) -> Fit {
-        self.tried(candidate, recording, stop).unwrap_or_else(|reason| Fit {
+    fn fit(&self, candidate: &Candidate, recording: &Recording, cancel: &Cancel) -> Fit {
+        self.tried(candidate, recording, cancel).unwrap_or_else(|reason| Fit {
             candidate: candidate.name.clone(),
             scene: String::new(),
             failed: Some(reason),
@@ -143,7 +130,7 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// What is fitted, with what is wrong with the recording.
+    /// Prepares the recording for a candidate's fit. The error describes what is wrong with the recording.
     pub(super) fn prepared(&self, candidate: &Candidate, recording: &Recording) -> Result<Prepared<'a>, String> {
         let entry = self.entry();
         let scene = self.scene(candidate, Some(recording))?;
@@ -161,28 +148,29 @@ impl<'a> Job<'a> {
         Ok(prepared)
     }
 
-    fn tried(&self, candidate: &Candidate, recording: &Recording, stop: Stop) -> Result<Fit, String> {
+    fn tried(&self, candidate: &Candidate, recording: &Recording, cancel: &Cancel) -> Result<Fit, String> {
         let prepared = self.prepared(candidate, recording)?;
         let Prepared { scene, readings, measured, .. } = &prepared;
-        let mut watch = Quiet(stop);
-        // with a table the candidates differ in nothing that units depend on
+        let mut watch = cancel.clone();
+        // with a table, the unit checks give the same result for every candidate
         let first = self.manifest.candidates.first().is_none_or(|first| first.name == candidate.name);
         let looked_at = prepared.table.is_none() || first;
-        let twin = looked_at.then(|| compare::build(scene).map_err(|e| e.to_string())).transpose()?;
-        let mistaken =
-            |(twin, _): &(Twin, f64)| compare::scale::mistaken(twin, readings, measured, recording.scene.as_deref());
-        if let Some(what) = twin.as_ref().and_then(mistaken) {
+        let session =
+            looked_at.then(|| Session::new(scene, "batch", Keep::ANSWERS).map_err(|e| e.to_string())).transpose()?;
+        let mistaken = |session: &Session| {
+            compare::scale::mistaken(session.twin(), readings, measured, recording.scene.as_deref())
+        };
+        if let Some(what) = session.as_ref().and_then(mistaken) {
             return Err(what);
         }
-        if let (Some((mut twin, _)), true) = (twin, prepared.wanted.is_empty()) {
-            let collector = Collector::new(&twin, "batch", 0.0, Keep::ANSWERS);
-            let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, &mut watch);
-            return if stop() { Err("interrupted".to_owned()) } else { Ok(replayed(candidate, &run)) };
+        if let (Some(session), true) = (session, prepared.wanted.is_empty()) {
+            let run = session.compared_with(measured).run(readings.iter().copied(), &mut watch).run;
+            return if cancel.is_cancelled() { Err("interrupted".to_owned()) } else { Ok(replayed(candidate, &run)) };
         }
         let found = calibrate(&prepared.task(), &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
         let fit = calibrated(candidate, &found, readings);
         let Some(from_m) = self.entry().choose_from_depth_m else { return Ok(fit) };
-        // nothing deeper than what is fitted is looked at for the choice
+        // the choice must not use readings deeper than the fitted part
         let fitted: Vec<Reading> =
             self::readings(&recording.aligned(scene), self.entry().fit_to_depth_m.or(self.entry().to_depth_m));
         let task = Task { readings: &fitted, part: HoldOut::Beyond(from_m), ..prepared.task() };
@@ -192,7 +180,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// A recording as a candidate is fitted to it.
+/// A recording, prepared for the fit of one candidate.
 pub(super) struct Prepared<'a> {
     scene: Scene,
     wanted: Vec<Wanted>,
@@ -228,7 +216,7 @@ fn load_cell(word: Option<&str>) -> Result<LoadCell, String> {
     }
 }
 
-/// The content of a file, or of the files of a bag's folder.
+/// Feeds the content of a file, or of all files in a bag's folder, to `add`.
 fn add_file(path: &Path, add: &mut impl FnMut(&[u8])) {
     let mut inside: Vec<PathBuf> = fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect();
     inside.sort();

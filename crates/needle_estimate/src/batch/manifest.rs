@@ -1,4 +1,4 @@
-//! What is to be done: a line per recording, with defaults, in TOML or CSV.
+//! The manifest of a batch: one entry per recording, with defaults, in TOML or CSV.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub struct ManifestError {
     pub reason: String,
 }
 
-/// A model that is tried: changes of the scene.
+/// A candidate model: a set of changes to the scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Candidate {
@@ -27,44 +27,47 @@ pub struct Candidate {
     pub name: String,
     /// Changes, `KEY=VALUE`.
     pub set: Vec<String>,
-    /// Keys to find besides those of the recording.
+    /// Keys to identify, in addition to those of the recording.
     #[serde(default)]
     pub fit: Vec<String>,
 }
 
-/// What is said of a recording, or of all as a default.
+/// Settings of one recording, or defaults for all.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Entry {
-    /// Name of its row; left out: the file's.
+    /// Name of its row. Default: the name of the file.
     pub name: Option<String>,
-    /// Bag or table, from the manifest's folder; `*` in its parts stands for any text, and makes a row of each file.
+    /// Bag or table, relative to the manifest's folder. `*` in a path component matches any text and gives one row
+    /// per file.
     pub file: Option<String>,
-    /// The force's table, where it is a file of its own.
+    /// Table of the force, if it is a separate file.
     pub force_file: Option<String>,
-    /// Recordings of one sample share its keys. `{name}`, `{folder}` and `{name:7}` (the first 7 letters) stand for the file's.
+    /// The sample. Recordings of one sample share its keys. `{name}`, `{folder}` and `{name:7}` (the first 7 letters)
+    /// are replaced by parts of the file's path.
     pub sample: Option<String>,
-    /// Samples of one kind.
+    /// Kind of the sample.
     pub group: Option<String>,
-    /// Kinds of samples for which one candidate is chosen; left out: each group has its own.
+    /// Kinds of samples for which one candidate is chosen jointly. Default: each group has its own choice.
     pub chosen_for: Option<String>,
-    /// Scene file from the manifest's folder, or preset.
+    /// Scene file relative to the manifest's folder, or preset.
     pub scene: Option<String>,
     /// Changes of the scene, `KEY=VALUE`.
     pub set: Option<Vec<String>>,
-    /// Keys to find, `KEY` or `KEY=LOW..HIGH`; without any, the recording is replayed.
+    /// Keys to identify, `KEY` or `KEY=LOW..HIGH`. Without any, the recording is replayed.
     pub fit: Option<Vec<String>>,
-    /// What of the load cell is estimated: `drift`, `offset` or `exact`.
+    /// Which parameters of the load cell are estimated: `drift`, `offset` or `exact`.
     pub load_cell: Option<String>,
-    /// Recorded depth up to which is fitted, m; the rest of the insertion is predicted.
+    /// Recorded depth up to which the model is fitted, m. The rest of the insertion is predicted.
     pub fit_to_depth_m: Option<f64>,
     /// Recorded depth up to which the recording is used, m.
     pub to_depth_m: Option<f64>,
-    /// Depth from which the part up to `fit_to_depth_m` is predicted, to choose among the candidates, m.
+    /// Depth from which the part up to `fit_to_depth_m` is predicted in order to choose among the candidates, m.
     pub choose_from_depth_m: Option<f64>,
-    /// Where forces come from: `runs` of the twin for each recording, or a `table` of curves that all recordings share.
+    /// Source of the predicted forces: `runs` of the twin for each recording, or a `table` of curves that all
+    /// recordings share.
     pub curves: Option<String>,
-    /// Whether the recordings of a sample are fitted together as well.
+    /// Whether the recordings of a sample are also fitted jointly.
     pub together: Option<bool>,
     /// Topic or column of the depth.
     #[serde(alias = "position_topic")]
@@ -73,9 +76,9 @@ pub struct Entry {
     pub position_unit: Option<String>,
     /// 1 or -1.
     pub position_sign: Option<f64>,
-    /// Recorded number of the position at first contact.
+    /// Recorded value of the position at first contact.
     pub position_zero: Option<f64>,
-    /// What one of the recorded numbers of the position is, in its unit.
+    /// Size of one recorded count of the position, in its unit.
     pub position_scale: Option<f64>,
     /// Topic or column of the force.
     #[serde(alias = "force_topic")]
@@ -84,7 +87,9 @@ pub struct Entry {
     pub force_unit: Option<String>,
     /// 1 or -1.
     pub force_sign: Option<f64>,
-    /// How late the force's stamps are, s.
+    /// Reading of the load cell without load, in its unit: one number, or x, y and z.
+    pub force_zero: Option<Zero>,
+    /// Delay of the force's stamps, s.
     pub time_offset_s: Option<f64>,
     /// Column of the time.
     pub time: Option<String>,
@@ -94,19 +99,21 @@ pub struct Entry {
     pub force_columns: Option<[String; 3]>,
     /// Columns of the tip's x, y and z, and of its quaternion x, y, z, w.
     pub pose_columns: Option<Vec<String>>,
-    /// Turns the force from the sensor's frame into the sample's: w, x, y, z.
+    /// Rotates the force from the sensor's frame into the sample's: w, x, y, z.
     pub sensor_rotation: Option<[f64; 4]>,
     /// Pose of the sample in the frame of the poses: x, y, z in m, and the quaternion x, y, z, w.
     pub sample_pose: Option<[f64; 7]>,
-    /// Which of several recordings in the file, from 1; left out: a row for each.
+    /// Index of the recording in a file with several, from 1. Default: one row for each.
     pub block: Option<usize>,
+    /// Sheet of a workbook.
+    pub sheet: Option<String>,
     /// Rows per second of a table without time.
     pub rate_hz: Option<f64>,
-    /// The position is a strain of this length, m.
+    /// The position is a strain over this gauge length, m.
     pub gauge_length_m: Option<f64>,
     /// Character between cells.
     pub separator: Option<char>,
-    /// Numbers are written 0,5.
+    /// Numbers are written with a decimal comma (0,5).
     pub decimal_comma: Option<bool>,
     /// Line of the headers, from 1.
     pub header_line: Option<usize>,
@@ -114,7 +121,17 @@ pub struct Entry {
     pub joint: Option<String>,
 }
 
-/// A manifest as it is written.
+/// Reading of a load cell without load.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Zero {
+    /// Of a force that is one number.
+    One(f64),
+    /// Of a force with three components.
+    Three([f64; 3]),
+}
+
+/// A manifest as it is written in the file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Written {
@@ -124,7 +141,7 @@ struct Written {
     recordings: Vec<Entry>,
 }
 
-/// Every candidate with every variant, in the order of the candidates.
+/// Every candidate combined with every variant, in the order of the candidates.
 fn crossed(candidates: Vec<Candidate>, variants: &[Candidate]) -> Vec<Candidate> {
     let candidates = if candidates.is_empty() { vec![Candidate::default()] } else { candidates };
     if variants.is_empty() {
@@ -142,21 +159,21 @@ fn crossed(candidates: Vec<Candidate>, variants: &[Candidate]) -> Vec<Candidate>
 /// All recordings, each with the defaults filled in.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Manifest {
-    /// Folder that files and scenes are looked for from.
+    /// Base folder of the files' and scenes' paths.
     pub folder: PathBuf,
-    /// Models that are tried; at least one.
+    /// Candidate models; at least one.
     pub candidates: Vec<Candidate>,
-    /// One per recording; name, file and sample are there.
+    /// One entry per recording. Name, file and sample are always set.
     pub recordings: Vec<Entry>,
 }
 
 /// Columns of a CSV manifest that hold several values, separated by `;`.
 const LISTS: [&str; 6] = ["set", "fit", "force_columns", "pose_columns", "sensor_rotation", "sample_pose"];
-/// Those of them whose values are numbers.
-const NUMBERS: [&str; 2] = ["sensor_rotation", "sample_pose"];
+/// Those of [`LISTS`], and others, whose values are numbers.
+const NUMBERS: [&str; 3] = ["sensor_rotation", "sample_pose", "force_zero"];
 
 impl Manifest {
-    /// Reads a manifest, TOML or CSV; files are looked for from `root`, or else from the manifest's folder.
+    /// Reads a manifest, TOML or CSV. Paths are relative to `root`, or by default to the manifest's folder.
     ///
     /// # Errors
     /// [`ManifestError`].
@@ -166,7 +183,7 @@ impl Manifest {
         Self::from_text(path, &text, root)
     }
 
-    /// As [`Manifest::read`], from what the file holds.
+    /// Same as [`Manifest::read`], with the content of the file given.
     ///
     /// # Errors
     /// [`ManifestError`].
@@ -194,7 +211,7 @@ impl Manifest {
     }
 }
 
-/// A row per line; cells that are empty are left out, so that a default holds.
+/// Parses one entry per line. Empty cells are left out so that the default applies.
 fn from_csv(text: &str) -> Result<Written, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let headers = reader.headers().map_err(|e| e.to_string())?.clone();
@@ -205,13 +222,13 @@ fn from_csv(text: &str) -> Result<Written, String> {
         let value = |key: &str, cell: &str| {
             let number = |part: &str| serde_json::from_str(part).unwrap_or_else(|_| Value::from(part));
             let one = |part: &str| if NUMBERS.contains(&key) { number(part) } else { part.into() };
-            if LISTS.contains(&key) {
+            if LISTS.contains(&key) || (key == "force_zero" && cell.contains(';')) {
                 return Value::from_iter(cell.split(';').map(|part| one(part.trim())));
             }
-            // only numbers and truth values; a name may look like one
+            // only these columns hold numbers and booleans; a name may look like a number
             let numeric = key.ends_with("_m") || key.ends_with("_s") || key.ends_with("_sign") || key.ends_with("_hz");
             let typed = numeric || key == "header_line" || key == "decimal_comma" || key == "together";
-            let typed = typed || ["position_zero", "position_scale", "block"].contains(&key);
+            let typed = typed || ["position_zero", "position_scale", "force_zero", "block"].contains(&key);
             if typed { serde_json::from_str(cell).unwrap_or_else(|_| cell.into()) } else { cell.into() }
         };
         let object: Map<String, Value> = cells.map(|(key, cell)| (key.to_owned(), value(key, cell))).collect();
@@ -221,7 +238,7 @@ fn from_csv(text: &str) -> Result<Written, String> {
     Ok(Written { recordings, ..Written::default() })
 }
 
-/// The recordings of one entry: one, or one for each file that its pattern finds.
+/// Expands an entry to one recording for each file that its pattern matches.
 fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, String> {
     let entry = entry.or(defaults);
     let Some(pattern) = entry.file.as_deref() else { return Err("a recording has no file = \"...\"".to_owned()) };
@@ -240,7 +257,7 @@ fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, 
         let (stem, folder) = (part(file.file_stem()), part(file.parent().and_then(Path::file_name)));
         let fill = |text: &String| filled(text, &stem, &folder);
         let name = entry.name.as_ref().filter(|_| !several).map_or_else(|| stem.clone(), fill);
-        // recordings of one file are of one sample, unless it is said otherwise
+        // recordings in one file belong to one sample, unless the manifest gives the sample
         let sample = entry.sample.as_ref().map_or_else(|| name.clone(), fill);
         let name = block.map_or_else(|| name.clone(), |block| format!("{name}_{block}"));
         Entry {
@@ -257,7 +274,7 @@ fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, 
     Ok(with_blocks.map(one).collect())
 }
 
-/// `{name}`, `{folder}` and `{name:N}` filled in, in one pass: what a file's name holds is not filled in again.
+/// Replaces `{name}`, `{folder}` and `{name:N}` in one pass: braces in a file's name are not expanded again.
 fn filled(text: &str, name: &str, folder: &str) -> String {
     let (mut out, mut rest) = (String::new(), text);
     while let Some((before, behind)) = rest.split_once('{') {
@@ -274,11 +291,11 @@ fn filled(text: &str, name: &str, folder: &str) -> String {
     out + rest
 }
 
-/// What stands for `{key}`; `None` if it is no field.
+/// The replacement of `{key}`; `None` if there is no such field.
 fn value(key: &str, name: &str, folder: &str) -> Option<String> {
     let letters = |count: i64| {
         let count_or = |n: i64| usize::try_from(n.unsigned_abs()).unwrap_or(usize::MAX);
-        // a negative number leaves so many off at the end
+        // a negative count drops that many characters at the end
         let end = if count < 0 { name.chars().count().saturating_sub(count_or(count)) } else { count_or(count) };
         name.chars().take(end).collect()
     };
@@ -289,7 +306,7 @@ fn value(key: &str, name: &str, folder: &str) -> Option<String> {
     }
 }
 
-/// Files below a folder whose path fits a pattern, in the order of their names.
+/// Files below a folder whose path matches a pattern, sorted by name.
 fn found(root: &Path, pattern: &str) -> Vec<PathBuf> {
     let mut paths = vec![root.to_path_buf()];
     for part in pattern.split('/') {
@@ -310,7 +327,8 @@ fn found(root: &Path, pattern: &str) -> Vec<PathBuf> {
     paths
 }
 
-/// Whether a name fits a pattern with `*`: each part in its first place behind the one before, the last one at the end.
+/// Whether a name matches a pattern with `*`. Each part is matched at its first position after the part before; the
+/// last part must match at the end.
 fn fits(name: &str, pattern: &str) -> bool {
     let Some((start, rest)) = pattern.split_once('*') else { return name == pattern };
     let (inner, end) = rest.rsplit_once('*').unwrap_or(("", rest));
@@ -326,7 +344,7 @@ macro_rules! first_of {
 }
 
 impl Entry {
-    /// Refuses numbers that no recording can have, as the command line does.
+    /// Rejects values that no recording can have, as the command line does.
     fn check(&self) -> Result<(), String> {
         let positive = [
             ("rate_hz", self.rate_hz),
@@ -342,11 +360,17 @@ impl Entry {
             return Err(format!("pose_columns = {names:?}: three columns, or seven with a quaternion"));
         }
         let finite = [("time_offset_s", self.time_offset_s), ("position_zero", self.position_zero)];
-        let wrong = finite.into_iter().find_map(|(key, value)| Some((key, value.filter(|x| !x.is_finite())?)));
+        let zeros = match &self.force_zero {
+            Some(Zero::One(zero)) => &[*zero][..],
+            Some(Zero::Three(zeros)) => zeros,
+            None => &[],
+        };
+        let mut finite = finite.into_iter().chain(zeros.iter().map(|zero| ("force_zero", Some(*zero))));
+        let wrong = finite.find_map(|(key, value)| Some((key, value.filter(|x| !x.is_finite())?)));
         wrong.map_or(Ok(()), |(key, x)| Err(format!("{key} = {x}: a finite number is needed")))
     }
 
-    /// What is said here, and else in another.
+    /// Fills the fields that are not set here from `other`.
     fn or(&self, other: &Self) -> Self {
         first_of!(
             self,
@@ -372,6 +396,7 @@ impl Entry {
             force,
             force_unit,
             force_sign,
+            force_zero,
             time_offset_s,
             time,
             time_unit,
@@ -382,6 +407,7 @@ impl Entry {
             sensor_rotation,
             sample_pose,
             block,
+            sheet,
             rate_hz,
             gauge_length_m,
             separator,
@@ -391,7 +417,7 @@ impl Entry {
         )
     }
 
-    /// What is said of the recording's numbers.
+    /// How the recording's columns are to be read.
     #[must_use]
     pub fn selection(&self) -> Selection {
         let quantity = |place: &Option<String>, unit: &Option<String>, sign: Option<f64>| Quantity {
@@ -406,7 +432,11 @@ impl Entry {
         Selection {
             names: TopicNames { joint: self.joint.clone().unwrap_or(names.joint.clone()), ..names },
             position: Quantity { zero: self.position_zero.unwrap_or(0.0), factor: self.position_scale, ..position },
-            force: quantity(&self.force, &self.force_unit, self.force_sign),
+            force: Quantity {
+                zero: if let Some(Zero::One(zero)) = self.force_zero { zero } else { 0.0 },
+                ..quantity(&self.force, &self.force_unit, self.force_sign)
+            },
+            force_zeros: if let Some(Zero::Three(zeros)) = self.force_zero { Some(zeros) } else { None },
             time_offset_s: self.time_offset_s.unwrap_or(0.0),
             time: self.time.iter().cloned().collect(),
             time_unit: self.time_unit.iter().cloned().collect(),
@@ -424,14 +454,15 @@ impl Entry {
                 header_line: self.header_line,
                 comment: None,
                 block: self.block,
+                sheet: self.sheet.clone(),
             },
         }
     }
 
-    /// Keys to find, with those of a candidate.
+    /// Keys to identify, including those of a candidate.
     ///
     /// # Errors
-    /// What is no key with bounds.
+    /// If a text is not a key with bounds.
     pub fn wanted(&self, candidate: &Candidate) -> Result<Vec<Wanted>, String> {
         self.fit.iter().flatten().chain(&candidate.fit).map(|text| Wanted::parse(text)).collect()
     }

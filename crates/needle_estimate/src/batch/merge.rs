@@ -1,4 +1,4 @@
-//! Rows of one or several folders as one answer.
+//! Merges the rows of one or several folders into one result.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,16 +9,16 @@ use xxhash_rust::xxh3::xxh3_128;
 use super::pool::{fit_of, pool};
 use super::{Fit, Group, Row, Sample, SampleRow};
 
-/// Folder of the rows below the output folder.
+/// Subfolder of the rows in the output folder.
 pub const ROWS: &str = "recordings";
-/// Folder of the samples' rows.
+/// Subfolder of the samples' rows.
 pub const SAMPLES: &str = "samples";
 
-/// Why rows can't be put together.
+/// Why rows can't be merged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MergeError {
-    /// A file is no row.
+    /// A file does not contain a row.
     #[error("{}: {reason}; remove it and run its shard again", .path.display())]
     Row {
         /// The file.
@@ -26,10 +26,10 @@ pub enum MergeError {
         /// What is wrong.
         reason: String,
     },
-    /// There are none.
+    /// There are no rows.
     #[error("no rows in {}: run `needle_twin batch MANIFEST --out` it first", .0.display())]
     Nothing(PathBuf),
-    /// Two rows of one name are not of one recording.
+    /// Two rows with the same name belong to different recordings.
     #[error("two rows are called {name} and differ ({}, {}): these folders are not of one manifest and version", .first.display(), .second.display())]
     Differ {
         /// Name of the row.
@@ -41,23 +41,23 @@ pub enum MergeError {
     },
 }
 
-/// All rows in the manifest's order, and what follows from them.
+/// All rows in the manifest's order, and the results derived from them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Merged {
     /// The rows.
     pub rows: Vec<Row>,
-    /// Recordings of the manifest that have no row.
+    /// Number of recordings in the manifest that have no row.
     pub missing: usize,
     /// Kinds of samples.
     pub groups: Vec<Group>,
     /// Samples.
     pub samples: Vec<Sample>,
-    /// Samples whose recordings were fitted together.
+    /// Samples whose recordings were fitted jointly.
     pub joint: Vec<SampleRow>,
 }
 
 impl Merged {
-    /// Of rows in any order.
+    /// Merges rows given in any order.
     #[must_use]
     pub fn of(mut rows: Vec<Row>, mut joint: Vec<SampleRow>) -> Self {
         rows.sort_by(|a, b| (a.number, &a.name).cmp(&(b.number, &b.name)));
@@ -74,14 +74,14 @@ impl Merged {
         fit_of(row, &group.candidate)
     }
 
-    /// Recordings that failed.
+    /// Number of recordings that failed.
     #[must_use]
     pub fn failed(&self) -> usize {
         self.rows.iter().filter(|row| row.failed.is_some()).count()
     }
 }
 
-/// Reads the rows of folders. The same row in two of them counts once.
+/// Reads the rows of folders. A row that is in two of them counts once.
 ///
 /// # Errors
 /// [`MergeError`].
@@ -92,7 +92,7 @@ pub fn merge(folders: &[PathBuf]) -> Result<Merged, MergeError> {
         for path in files {
             let row = read(&path)?;
             match rows.get(&row.name) {
-                // one that failed here may have been done there
+                // a recording that failed in one folder may have succeeded in another
                 Some((_, known)) if known.failed.is_none() && row.failed.is_some() => {}
                 Some((first, known)) if known.failed.is_none() && *known != row => {
                     return Err(MergeError::Differ { name: row.name, first: first.clone(), second: path });
@@ -118,7 +118,7 @@ pub fn merge(folders: &[PathBuf]) -> Result<Merged, MergeError> {
     Ok(Merged::of(rows.into_values().map(|(_, row)| row).collect(), joint))
 }
 
-/// The rows' files, in the order of their names.
+/// The files of the rows, sorted by name.
 fn files(folder: &Path, kind: &str) -> Option<Vec<PathBuf>> {
     let entries = fs::read_dir(folder.join(kind)).ok()?.flatten().map(|e| e.path());
     let hidden = |p: &PathBuf| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
@@ -128,7 +128,7 @@ fn files(folder: &Path, kind: &str) -> Option<Vec<PathBuf>> {
     Some(files)
 }
 
-/// A row from its file.
+/// Reads a row from its file.
 ///
 /// # Errors
 /// [`MergeError::Row`].
@@ -136,7 +136,7 @@ pub fn read(path: &Path) -> Result<Row, MergeError> {
     of_json(path)
 }
 
-/// A sample's row from its file.
+/// Reads a sample's row from its file.
 ///
 /// # Errors
 /// [`MergeError::Row`].
@@ -144,7 +144,7 @@ pub fn read_sample(path: &Path) -> Result<SampleRow, MergeError> {
     of_json(path)
 }
 
-/// Between a row's content and the checksum of it, at the end of its file.
+/// Separates the content of a row from its checksum at the end of the file.
 const SEAL: &str = ",\n  \"checksum\": \"";
 
 /// The text of a row's file: the row as JSON, with a checksum of the text before that.

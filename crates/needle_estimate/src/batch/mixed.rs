@@ -1,6 +1,8 @@
-//! Spread of a key within samples and between them: y_ij = m + b_i + e_ij for recording j of sample i, b_i and e_ij normal.
+//! Spread of a key within samples and between them: y_ij = m + b_i + e_ij for recording j of sample i, b_i and e_ij
+//! normal.
 //!
-//! Restricted maximum likelihood (Patterson and Thompson, Biometrika 58, 1971), over the one ratio that it depends on:
+//! Restricted maximum likelihood (Patterson and Thompson, Biometrika 58, 1971). The likelihood depends on one ratio
+//! l:
 //!
 //! ```text
 //! l = s_b^2 / s_w^2,   w_i = n_i / (1 + l n_i),   m = sum w_i y_i / sum w_i      y_i: mean of sample i
@@ -8,21 +10,23 @@
 //! -2 log L = (N - 1) log(R / (N - 1)) + sum log(1 + l n_i) + log(sum w_i) + constant
 //! ```
 //!
-//! It takes samples of any number of recordings. Of as many each, it is the analysis of variance, s_w^2 = MS_w and s_b^2 = (MS_b - MS_w) / n,
-//! where that is not negative (Searle, Casella and McCulloch, Variance Components, 1992, 3.8).
+//! The samples may have different numbers of recordings. For equal numbers it is the analysis of variance: s_w^2 =
+//! MS_w and s_b^2 = (MS_b - MS_w) / n, if that is not negative (Searle, Casella and McCulloch, Variance Components,
+//! 1992, 3.8).
 
-/// What is looked at of the share s_b^2 / (s_b^2 + s_w^2), before it is refined.
+/// Grid points of the share s_b^2 / (s_b^2 + s_w^2), before the refinement.
 const GRID: usize = 200;
-/// Halvings of what is left of it, by the golden section.
+/// Golden-section steps of the refinement.
 const REFINED: usize = 60;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// See the module. Of one sample, or of one recording each, the part that can't be told is `None`.
+/// See the module. For a single sample, or for one recording per sample, the component that can't be estimated is
+/// `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Components {
     /// m
     pub mean: f64,
-    /// Its standard error by both spreads.
+    /// Its standard error, from both variance components.
     pub mean_error: Option<f64>,
     /// s_w, standard deviation of recordings on one sample.
     pub within: Option<f64>,
@@ -30,14 +34,14 @@ pub struct Components {
     pub between: Option<f64>,
 }
 
-/// Of one sample: how many recordings, their mean, and the sum of squares about it.
+/// Number of recordings of one sample, their mean, and the sum of squares about it.
 struct Sample {
     n: f64,
     mean: f64,
     squares: f64,
 }
 
-/// Everything at a ratio l.
+/// All estimates for a ratio l.
 struct Fitted {
     deviance: f64,
     mean: f64,
@@ -58,7 +62,7 @@ fn fitted(samples: &[Sample], ratio: f64) -> Fitted {
 }
 
 impl Components {
-    /// Of the values of each sample; `None` of nothing.
+    /// Estimates the components from the values of each sample; `None` without values.
     #[must_use]
     pub fn of(samples: &[Vec<f64>]) -> Option<Self> {
         let of = |values: &Vec<f64>| {
@@ -75,7 +79,7 @@ impl Components {
         let alone = fitted(&samples, 0.0);
         let squares: f64 = samples.iter().map(|s| s.squares).sum();
         if samples.len() == 1 || all <= k || squares == 0.0 {
-            // the two can't be told apart: nothing repeats, or there is one sample
+            // the two components can't be separated without repeats, or with a single sample
             let spread = (all > k).then(|| (squares / (all - k)).sqrt());
             let mean_error = (all > 1.0).then_some(alone.mean_error);
             return Some(Self { mean: alone.mean, mean_error, within: spread, between: None });
@@ -87,9 +91,9 @@ impl Components {
     }
 }
 
-/// The ratio at the share that makes a function least.
+/// The ratio that minimises a function of the share.
 fn least(deviance: impl Fn(f64) -> f64) -> f64 {
-    // dense towards 1, where samples differ by far more than their recordings
+    // dense towards 1, where samples differ by far more than the recordings of one sample
     let share = |k: usize| 1.0 - (1.0 - k as f64 / GRID as f64).powi(4);
     let best = (0..GRID).min_by(|&a, &b| deviance(share(a)).total_cmp(&deviance(share(b)))).unwrap_or(0);
     let (mut low, mut high) = (share(best.saturating_sub(1)), share((best + 1).min(GRID - 1)));
@@ -109,7 +113,7 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng as _;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Searle's balanced case by hand: MS_w = 1, MS_b = 2 * 8 = 16 with two of each of two samples.
+    /// Searle's balanced case by hand: MS_w = 1, MS_b = 2 * 8 = 16 with two recordings of each of two samples.
     #[test]
     fn of_as_many_each_it_is_the_analysis_of_variance() {
         let half = 0.5f64.sqrt();
@@ -117,7 +121,7 @@ mod tests {
         assert!((found.mean - 2.0).abs() < 1e-12 && (found.within.unwrap() - 1.0).abs() < 1e-6, "{found:?}");
         assert!((found.between.unwrap() - 7.5f64.sqrt()).abs() < 1e-6, "{found:?}");
         assert!((found.mean_error.unwrap() - 2.0).abs() < 1e-6, "sqrt(MS_b / N): {found:?}");
-        // samples that differ by less than their recordings do
+        // samples that differ by less than their recordings
         let alike = Components::of(&[vec![-1.0, 1.0], vec![-1.1, 0.9]]).unwrap();
         assert_eq!(alike.between, Some(0.0));
         assert_eq!(Components::of(&[vec![1.0]]).unwrap().within, None);
@@ -125,7 +129,7 @@ mod tests {
         assert_eq!(Components::of(&[]), None);
     }
 
-    /// By statsmodels 0.15.0, MixedLM(y, 1, groups).fit(reml=True), recorded in docs/lab/calibration.md.
+    /// Compared with statsmodels 0.15.0, MixedLM(y, 1, groups).fit(reml=True), recorded in docs/lab/calibration.md.
     #[test]
     fn of_unequal_numbers_it_is_what_an_independent_program_finds() {
         let samples =

@@ -1,8 +1,8 @@
-//! Many recordings, one answer: each is replayed or calibrated on its own, with each of some candidate models; what the samples have
-//! in common is then taken from the rows alone.
+//! Processes many recordings. Each is replayed or calibrated independently with each candidate model. Estimates for
+//! samples and kinds of samples are then computed from the rows alone.
 //!
-//! A recording's row depends on nothing but its line of the manifest, its file and its scene, so a shard of a manifest can run
-//! anywhere, twice, or after a crash: the rows are the same to the last bit.
+//! A row depends only on the recording's manifest entry, its file and its scene. So a shard of a manifest can run on
+//! any machine, twice, or after a crash: the rows are the same to the last bit.
 
 mod choice;
 mod curve;
@@ -17,7 +17,7 @@ mod tables;
 mod together;
 
 pub use curve::Curve;
-pub use job::{Job, Stop};
+pub use job::Job;
 pub use manifest::{Candidate, Entry, Manifest, ManifestError};
 pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample, sealed};
 pub use pool::{Group, Pooled, Sample};

@@ -1,16 +1,20 @@
-//! What the recordings of one sample have in common, and samples of one kind.
+//! Pooled estimates: for the recordings of one sample, and for samples of one kind.
 //!
-//! With `together = true` the recordings of a sample are one problem (`calibrate::joint`). Without it the joint estimate of a key that n recordings of a sample share, each with its own zero and contact depth, x_i with the standard error
-//! e_i of its own fit: to second order of the sum of squares that of one fit to all of them,
+//! With `together = true` the recordings of a sample are one least-squares problem (`calibrate::joint`). Otherwise a
+//! key that n recordings of a sample share is pooled from their separate fits, each with its own zero and contact
+//! depth. Let x_i be the estimate of recording i, with standard error e_i. To second order of the sum of squares, the
+//! pooled estimate equals that of one joint fit:
 //!
 //! ```text
 //! x = sum w_i x_i / sum w_i,   w_i = 1 / (e_i^2 + t^2),   t^2 = max(0, (Q - (n - 1)) / (S1 - S2 / S1))
 //! Q = sum (x_i - x_0)^2 / e_i^2,  S1 = sum 1 / e_i^2,  S2 = sum 1 / e_i^4,  x_0 the mean with t = 0
 //! ```
 //!
-//! t is the spread of repeats beyond their errors (DerSimonian and Laird, Control. Clin. Trials 7, 1986). Within and between samples of one kind: `mixed`.
+//! t is the spread of repeats beyond their errors (DerSimonian and Laird, Control. Clin. Trials 7, 1986). For the
+//! spread within and between samples of one kind see `mixed`.
 //!
-//! Leave one out: each recording is predicted by the mean curve of its sample's others, over the depth since contact.
+//! Leave-one-out: each recording is predicted by the mean curve of the sample's other recordings, over the depth
+//! since contact.
 
 use std::collections::BTreeMap;
 
@@ -20,20 +24,20 @@ use super::choice::choose;
 use super::mixed::Components;
 use super::{Fit, Row, SampleRow};
 
-/// A key over the recordings of one sample.
+/// Pooled estimate of a key over the recordings of one sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pooled {
     /// Dotted path.
     pub key: String,
-    /// Joint estimate.
+    /// Pooled estimate.
     pub value: f64,
-    /// Its standard error by noise and the repeats' spread.
+    /// Its standard error, from noise and from the spread of the repeats.
     pub standard_error: Option<f64>,
     /// Standard deviation of the repeats.
     pub spread: Option<f64>,
-    /// Recordings.
+    /// Number of recordings.
     pub count: usize,
-    /// Whether it is that of one fit to all recordings; else of their own fits' mean.
+    /// Whether the value is from one joint fit to all recordings. Otherwise it is the mean of separate fits.
     pub together: bool,
 }
 
@@ -44,11 +48,11 @@ pub struct Sample {
     pub name: String,
     /// Its kind.
     pub group: String,
-    /// The candidate that was taken for the kind.
+    /// The candidate that was chosen for the kind.
     pub candidate: String,
-    /// Keys with that candidate.
+    /// Pooled keys of that candidate.
     pub keys: Vec<Pooled>,
-    /// Of each recording: its name, and the error of its prediction by the others, as a share of the peak.
+    /// For each recording its name and the relative error of its prediction by the others, divided by the peak force.
     pub left_one_out: Vec<(String, f64)>,
 }
 
@@ -57,18 +61,19 @@ pub struct Sample {
 pub struct Group {
     /// Its name.
     pub name: String,
-    /// The candidate that was taken.
+    /// The candidate that was chosen.
     pub candidate: String,
-    /// Each candidate's error by which one was taken, as a share of the peak, root mean square over the recordings of the choice: of its prediction
-    /// within what is fitted where that was asked for, else of the fit.
+    /// The error of each candidate on which the choice was based: root mean square over the recordings, divided by
+    /// the peak force. It is the error of the prediction within the fitted part if that was requested, and otherwise
+    /// of the fit.
     pub candidates: Vec<(String, Option<f64>)>,
-    /// The key, mean, standard deviation within samples and between.
+    /// Key, mean, standard deviation within samples, standard deviation between samples.
     pub keys: Vec<(String, f64, Option<f64>, Option<f64>)>,
-    /// Largest error at the end of what was predicted, as a share, by size.
+    /// Largest relative error, by magnitude, at the end of the predicted part.
     pub largest_end_error: Option<f64>,
-    /// Mean of it.
+    /// Mean of that error.
     pub mean_end_error: Option<f64>,
-    /// Recordings that were predicted, and those within 5 % at the end.
+    /// Number of recordings that were predicted, and of those within 5 % at the end.
     pub predicted: usize,
     /// See `predicted`.
     pub within_5_percent: usize,
@@ -85,7 +90,7 @@ fn by(rows: &[Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&Row>>
     all
 }
 
-/// Values of a key with their errors.
+/// Values of a key with their standard errors.
 fn values(rows: &[&Row], candidate: &str, key: &str) -> Vec<(f64, Option<f64>)> {
     let of = |row: &&Row| fit_of(row, candidate)?.keys.iter().find(|k| k.key == key).map(|k| (k.value, k.noise_error));
     rows.iter().filter_map(of).collect()
@@ -105,14 +110,14 @@ fn squares(x: &[f64]) -> f64 {
     x.iter().map(|x| (x - m) * (x - m)).sum()
 }
 
-/// The joint estimate; see the module.
+/// The pooled estimate; see the module.
 fn pooled(key: &str, values: &[(f64, Option<f64>)]) -> Option<Pooled> {
     let n = values.len();
     let x: Vec<f64> = values.iter().map(|v| v.0).collect();
     let spread = (n > 1).then(|| (squares(&x) / (n - 1) as f64).sqrt());
     let errors: Option<Vec<f64>> = values.iter().map(|v| v.1.filter(|e| *e > 0.0)).collect();
     let Some(errors) = errors.filter(|e| !e.is_empty()) else {
-        // without errors all count alike
+        // without standard errors all values have equal weight
         let standard_error = spread.map(|s| s / (n as f64).sqrt());
         return (n > 0).then(|| Pooled {
             key: key.to_owned(),
@@ -136,7 +141,7 @@ fn pooled(key: &str, values: &[(f64, Option<f64>)]) -> Option<Pooled> {
     Some(Pooled { key: key.to_owned(), value, standard_error: Some(sum.powf(-0.5)), spread, count: n, together: false })
 }
 
-/// The estimate of one fit to all recordings, where there is one.
+/// Replaces the pooled estimate by that of the joint fit, if there is one.
 fn together(pooled: Pooled, joint: &[SampleRow], sample: &str, candidate: &str) -> Pooled {
     let row = joint.iter().find(|row| row.name == sample);
     let fit = row.and_then(|row| row.fits.iter().find(|fit| fit.candidate == candidate && fit.failed.is_none()));
@@ -160,7 +165,7 @@ fn left_one_out(rows: &[&Row], candidate: &str) -> Vec<(String, f64)> {
             let sum: f64 = others.iter().map(|o| o.curve.at(&o.curve.predicted_n, *d)).sum();
             (sum / others.len() as f64 - m).powi(2)
         };
-        // as deep as all of them go
+        // compare only down to the depth that all of them reach
         let common = others.iter().filter_map(|o| o.curve.depth_m.last().copied()).fold(f64::INFINITY, f64::min);
         let places = fit.curve.depth_m.iter().zip(&fit.curve.measured_n).filter(|(d, _)| **d <= common);
         let squares: Vec<f64> = places.map(error).collect();
@@ -232,7 +237,8 @@ mod tests {
         let joint = pooled("k", &[(1.0, Some(0.1)), (1.1, Some(0.2))]).unwrap();
         assert!((joint.value - (1.0 / 0.01 + 1.1 / 0.04) / (1.0 / 0.01 + 1.0 / 0.04)).abs() < 1e-12);
         assert!((joint.standard_error.unwrap() - 125f64.powf(-0.5)).abs() < 1e-12);
-        // far apart they count alike, and the error is that of their spread
+        // if the values differ by far more than their errors, the weights are equal and the error is that of their
+        // spread
         let apart = pooled("k", &[(1.0, Some(1e-3)), (2.0, Some(2e-3))]).unwrap();
         assert!((apart.value - 1.5).abs() < 1e-3 && (apart.standard_error.unwrap() - 0.5).abs() < 1e-2, "{apart:?}");
     }

@@ -1,32 +1,32 @@
-//! What is known of one recording: a file of its own, which depends on no other.
+//! The result of one recording: a file of its own that depends on no other row.
 
 use serde::{Deserialize, Serialize};
 
 use super::Curve;
 
-/// A key that was found.
+/// An identified key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Key {
     /// Dotted path.
     pub key: String,
-    /// In its unit.
+    /// Value in the key's unit.
     pub value: f64,
-    /// Standard error by noise and systematic errors; `None` where it is withheld.
+    /// Standard error from noise and systematic errors; `None` if it is withheld.
     pub standard_error: Option<f64>,
-    /// Standard error by noise alone, as the search left it.
+    /// Standard error from noise alone, as the search returned it.
     pub noise_error: Option<f64>,
 }
 
-/// What of the recording was predicted.
+/// The prediction of the held-out part of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
     /// Root mean square of predicted - measured over the readings, N.
     pub rmse_n: f64,
     /// Recorded depth of the deepest reading, m.
     pub end_depth_m: f64,
-    /// Measured force there, less the load cell's zero, N.
+    /// Measured force at that depth minus the load cell's zero, N.
     pub end_measured_n: f64,
-    /// Predicted there, N.
+    /// Predicted force at that depth, N.
     pub end_predicted_n: f64,
 }
 
@@ -38,14 +38,14 @@ impl HeldOut {
     }
 }
 
-/// A recording with one candidate.
+/// The fit of a recording with one candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
     /// Name of the candidate.
     pub candidate: String,
     /// Name of the scene.
     pub scene: String,
-    /// Why there is nothing else, if so.
+    /// Reason of the failure, if it failed; the other fields are then empty.
     pub failed: Option<String>,
     /// The verdict: `yes`, `in part`, `no`, `no measurement`.
     pub explains: String,
@@ -53,21 +53,22 @@ pub struct Fit {
     pub reduced_chi_square: Option<f64>,
     /// The verdict's reasons.
     pub reasons: Vec<String>,
-    /// Keys.
+    /// Identified keys.
     pub keys: Vec<Key>,
     /// Recorded depth of the contact, m.
     pub contact_depth_m: f64,
     /// The load cell's zero, N.
     pub force_zero_n: f64,
-    /// Largest measured force over the fitted part less the zero, N.
+    /// Largest measured force over the fitted part minus the zero, N.
     pub peak_n: f64,
-    /// Root mean square over the fitted part, N.
+    /// Root mean square error over the fitted part, N.
     pub rmse_n: Option<f64>,
-    /// Fitted to the first part of the fitted part, the root mean square over the rest of it over `peak_n`, where that was asked for.
+    /// Forward error: the model is fitted to the first part of the fitted part and predicts the rest. Root mean
+    /// square of the prediction error divided by `peak_n`; `None` if it was not requested.
     pub forward_error: Option<f64>,
-    /// Runs of the twin.
+    /// Number of runs of the twin.
     pub runs: u32,
-    /// What was predicted.
+    /// The held-out part, if any.
     pub held_out: Option<HeldOut>,
     /// Measured and predicted force over the depth since contact.
     pub curve: Curve,
@@ -81,12 +82,12 @@ impl Fit {
     }
 }
 
-/// A recording with every candidate.
+/// The result of a recording with every candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Place in the manifest, from 0, and how many recordings that has.
+    /// Position in the manifest, from 0.
     pub number: usize,
-    /// See `number`.
+    /// Number of recordings in the manifest.
     pub of: usize,
     /// Name of the row.
     pub name: String,
@@ -94,13 +95,13 @@ pub struct Row {
     pub sample: String,
     /// Its kind of samples.
     pub group: String,
-    /// Kinds that share the candidate that is chosen.
+    /// Kinds of samples that share the chosen candidate.
     pub chosen_for: String,
-    /// Hash of all that the row depends on.
+    /// Hash of everything that the row depends on.
     pub fingerprint: String,
-    /// Why there is nothing else, if so.
+    /// Reason of the failure, if it failed; there are then no fits.
     pub failed: Option<String>,
-    /// What was lost of the recording.
+    /// Losses of the recording (truncated file, dropped messages).
     pub losses: Vec<String>,
     /// One per candidate.
     pub fits: Vec<Fit>,

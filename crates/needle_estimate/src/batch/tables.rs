@@ -1,18 +1,20 @@
-//! Force curves that the recordings of a batch share: made once, before the first of them, and kept beside the rows.
+//! Force curves that the recordings of a batch share. They are computed once before the first recording, and stored
+//! in a folder next to the rows.
 //!
-//! A kept table ([`Kept`]) is of program, scene, keys with bounds, depth.
+//! A stored table ([`Cache`]) is identified by program, scene, keys with bounds, and depth.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Candidate, Job, Stop};
+use super::{Candidate, Job};
+use crate::cache::Cache;
 use crate::calibrate::{CurveTable, Wanted};
-use crate::kept::Kept;
+use crate::compare::Cancel;
 
-/// Folder of the kept tables.
+/// Folder of the stored tables.
 const FOLDER: &str = "curves";
 
-/// Tables by what they hold; what is not there is run for each recording.
+/// The tables, by content. For a recording without a table the twin is run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tables {
     tables: BTreeMap<String, Result<CurveTable, String>>,
@@ -23,7 +25,7 @@ pub struct Tables {
 #[derive(Clone, Debug, Default)]
 pub struct Needed(BTreeMap<String, Result<CurveTable, String>>);
 
-/// What a table is of.
+/// What identifies a table.
 struct Content {
     scene: needle_core::scene::Scene,
     wanted: Vec<Wanted>,
@@ -53,13 +55,13 @@ impl Content {
 }
 
 impl Needed {
-    /// The tables of some jobs.
+    /// Collects the tables that some jobs need.
     #[must_use]
     pub fn of(jobs: &[Job]) -> Self {
         let mut needed = BTreeMap::new();
         for job in jobs {
             for candidate in &job.manifest.candidates {
-                // what is wrong with an entry is said in its row
+                // an invalid entry is reported in its row
                 let Ok(Some(Content { scene, wanted, to_depth_m })) = Content::of(job, candidate) else { continue };
                 let name = Content { scene: scene.clone(), wanted: wanted.clone(), to_depth_m }.name();
                 let plan = || CurveTable::planned(&scene, &wanted, to_depth_m).map_err(|e| e.to_string());
@@ -69,9 +71,9 @@ impl Needed {
         Self(needed)
     }
 
-    /// Reads those that are kept below a folder.
+    /// Reads the tables that are stored below a folder.
     pub fn read(&mut self, folder: &Path) {
-        let kept = Kept::below(folder, FOLDER);
+        let kept = Cache::below(folder, FOLDER);
         for (name, table) in &mut self.0 {
             if let (Ok(table), Some(curves)) = (table, kept.get(name)) {
                 table.take(curves);
@@ -79,23 +81,24 @@ impl Needed {
         }
     }
 
-    /// Runs of the twin that are left.
+    /// Number of runs of the twin that remain to be done.
     #[must_use]
     pub fn runs(&self) -> usize {
         self.0.values().flatten().filter(|table| table.curves().is_empty()).map(CurveTable::runs).sum()
     }
 
-    /// Makes what is not there, by runs of the twin on the current rayon pool, and keeps it below a folder. `done` is called after each run.
+    /// Computes the missing tables by runs of the twin on the current rayon pool, and stores them below a folder.
+    /// `done` is called after each run.
     #[must_use]
-    pub fn make(self, folder: &Path, stop: Stop, done: &(dyn Fn() + Sync)) -> Tables {
+    pub fn make(self, folder: &Path, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Tables {
         let mut made = Tables::default();
-        let kept = Kept::below(folder, FOLDER);
+        let kept = Cache::below(folder, FOLDER);
         for (name, table) in self.0 {
             let table = table.and_then(|mut table| {
                 if table.curves().is_empty() {
-                    table.run_all(stop, done).map_err(|e| e.to_string())?;
+                    table.run_all(cancel, done).map_err(|e| e.to_string())?;
                     made.runs += table.runs();
-                    // without the file the next batch takes the runs again, so no failure is one of the batch
+                    // a failed write only costs the next batch these runs, so it is no error of this batch
                     let _ = kept.put(&name, table.curves());
                 }
                 Ok(table)
@@ -107,13 +110,13 @@ impl Needed {
 }
 
 impl Tables {
-    /// Runs that were made for them.
+    /// Number of runs that were made for the tables.
     #[must_use]
     pub const fn runs(&self) -> usize {
         self.runs
     }
 
-    /// The table of a job with a candidate; `None` if it is run.
+    /// The table of a job with a candidate; `None` if the twin is to be run instead.
     pub(super) fn of(&self, job: &Job, candidate: &Candidate) -> Result<Option<&CurveTable>, String> {
         let Some(content) = Content::of(job, candidate)? else { return Ok(None) };
         match self.tables.get(&content.name()) {

@@ -1,33 +1,34 @@
-//! One sample: all its recordings fitted together, with every candidate.
+//! Fits all recordings of one sample jointly, with every candidate.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Job, Key, Stop};
+use super::{Job, Key};
 use crate::calibrate::{Joint, calibrate_together};
+use crate::compare::Cancel;
 use needle_recording::Recording;
 use xxhash_rust::xxh3::Xxh3;
 
-/// A sample with one candidate.
+/// The joint fit of a sample with one candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointFit {
     /// Name of the candidate.
     pub candidate: String,
-    /// Why there is nothing else, if so.
+    /// Reason of the failure, if it failed; the other fields are then empty.
     pub failed: Option<String>,
-    /// Shared keys; the noise error is the standard error, by noise and by the recordings' differences.
+    /// Shared keys. `noise_error` is the standard error from noise and from the differences between the recordings.
     pub keys: Vec<Key>,
-    /// Of each recording: its name, depth of the contact (m), the load cell's zero (N), and what is left (N).
+    /// For each recording: name, contact depth (m), zero of the load cell (N), root mean square residual (N).
     pub own: Vec<(String, f64, f64, f64)>,
-    /// Runs of the twin.
+    /// Number of runs of the twin.
     pub runs: u32,
 }
 
-/// A sample with every candidate.
+/// The joint fits of a sample with every candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleRow {
     /// The sample.
     pub name: String,
-    /// Hash of all that it depends on.
+    /// Hash of everything that it depends on.
     pub fingerprint: String,
     /// One per candidate.
     pub fits: Vec<JointFit>,
@@ -43,7 +44,7 @@ pub struct SampleJob<'a> {
 }
 
 impl<'a> SampleJob<'a> {
-    /// The samples of a manifest that ask for a joint fit, in its order.
+    /// The samples of a manifest that request a joint fit, in its order.
     #[must_use]
     pub fn all(jobs: &[Job<'a>]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
@@ -57,7 +58,7 @@ impl<'a> SampleJob<'a> {
         all
     }
 
-    /// Of all its recordings.
+    /// Fingerprint over all its recordings.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let mut hash = Xxh3::new();
@@ -65,9 +66,9 @@ impl<'a> SampleJob<'a> {
         format!("{:032x}", hash.digest128())
     }
 
-    /// The row. A recording that can't be read is left out: its own row says why.
+    /// Computes the row. A recording that can't be read is left out; its own row states the reason.
     #[must_use]
-    pub fn run(&self, stop: Stop) -> SampleRow {
+    pub fn run(&self, cancel: &Cancel) -> SampleRow {
         let open = |job: &Job<'a>| Some((*job, Recording::open(&job.files(), &job.entry().selection()).ok()?));
         let opened: Vec<(Job, Recording)> = self.jobs.iter().filter_map(open).collect();
         let candidates = self.jobs.first().map_or(&[][..], |job| &job.manifest.candidates);
@@ -78,7 +79,7 @@ impl<'a> SampleJob<'a> {
             let all: Vec<_> = opened.iter().filter_map(prepared).collect();
             let tasks: Vec<_> = all.iter().map(|(_, prepared)| prepared.task()).collect();
             let names = all.iter().map(|(name, _)| name.clone());
-            let found = calibrate_together(&tasks, stop).map_err(|e| e.to_string());
+            let found = calibrate_together(&tasks, cancel).map_err(|e| e.to_string());
             fit_of(&candidate.name, names, found)
         };
         SampleRow {

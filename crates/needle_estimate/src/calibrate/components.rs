@@ -1,5 +1,5 @@
-//! What is fitted: the force along the axis, then, where the load cell measured a vector and the model has one, the components across it
-//! (`compare::components`), one after the other.
+//! Residuals of a calibration: the force along the axis, followed by the components across it. The latter are used if
+//! the load cell measured a vector and the model predicts one (`compare::components`).
 
 use super::problem::Recorded;
 use super::task::LoadCell;
@@ -10,29 +10,29 @@ use crate::compare::rows::Rows;
 use crate::compare::{Answer, Run};
 
 impl Recorded<'_> {
-    /// Takes the components across the axis at the rows.
+    /// Stores the measured components across the axis at the rows.
     pub fn take_components(&mut self, first: &Run, rows: &[&Answer]) {
         self.across = first.across(rows, self.task.force_error);
         self.vectors = first.predicts_vectors();
     }
 
-    /// Those that are fitted: a model with symmetry about the axis has nothing to fit across it.
+    /// The components across the axis that are fitted: none for a model with symmetry about the axis.
     pub fn across_fitted(&self) -> &[Component] {
         if self.vectors { &self.across } else { &[] }
     }
 
-    /// Number of residuals: of the fitted rows, along the axis and across it.
+    /// Number of residuals: the fitted rows, along the axis and across it.
     pub fn residual_count(&self) -> usize {
         self.fitted.len() * (1 + self.across_fitted().len())
     }
 
-    /// A column of all rows at the fitted ones.
+    /// The values of a column at the fitted rows.
     pub fn at_fitted(&self, column: &[f64]) -> Vec<f64> {
         self.fitted.iter().map(|&i| column[i]).collect()
     }
 
-    /// Columns of the components at the fitted rows as one: those across the axis with their weights, and without what zero and drift of
-    /// the load cell can make of them. What isn't fitted falls away.
+    /// Concatenates the columns of the components at the fitted rows. Those across the axis are weighted, and the
+    /// zero and drift of the load cell are projected out of them. Components that are not fitted are dropped.
     pub fn one_column(&self, components: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
         let weights = std::iter::once(None).chain(self.across_fitted().iter().map(|c| Some(c.weight)));
         let mut all = Vec::with_capacity(self.residual_count());
@@ -55,7 +55,7 @@ impl Recorded<'_> {
         take_load_cell_off(column, &self.at_fitted(&self.forces.time_s), free);
     }
 
-    /// What was measured along the axis less what the load cell adds, then across it, at the fitted rows.
+    /// The measured force along the axis without the load cell's contribution, then across it, at the fitted rows.
     pub fn all_measured(&self, x: &[f64]) -> Vec<f64> {
         let along = self.fitted.iter().map(|&i| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]));
         let across = self.across_fitted().iter().map(|c| self.at_fitted(&c.measured_n));
@@ -78,7 +78,8 @@ impl Recorded<'_> {
         std::iter::once(1.0).chain(self.across_fitted().iter().map(|c| c.weight)).collect()
     }
 
-    /// The fitted rows of each component across the axis with its name, for the verdict, from what is predicted of each at all rows.
+    /// The fitted rows of each component across the axis with its name, for the verdict. `predicted` holds each
+    /// component at all rows.
     pub fn rows_across(&self, along: &Rows, predicted: &[Vec<f64>]) -> Vec<(String, Rows)> {
         let rows = |(c, predicted): (&Component, &Vec<f64>)| {
             let predicted_n = self.at_fitted(predicted);

@@ -1,15 +1,17 @@
-//! Force curves of one elastic scene over its constants, tabulated once and read by every recording.
+//! Force curves of one elastic scene over its material constants. They are tabulated once and used for every
+//! recording.
 //!
-//! An elastic sample that is pressed slowly has a force that depends on the depth alone, and on the size of its moduli only as a factor:
+//! If an elastic sample is indented slowly, the force depends on the depth alone, and is proportional to the moduli:
 //!
 //! ```text
 //! F(d; mu_0, p) = mu_0 g(d; p)        p: exponents, friction, pressures over mu_0 (the small-strain shear modulus)
 //! ```
 //!
-//! g is run by the twin at Chebyshev's points of every p and read between them by Lagrange's polynomial in its barycentric form
-//! (Berrut and Trefethen, SIAM Review 46, 2004), whose error falls exponentially with the number of points for a smooth g: below
-//! 0.2 % of the peak for an exponent. In the friction the runs themselves are not smooth: a node at the rim slips or sticks as a whole, which
-//! is up to 1 % of the peak with any number of points (docs/lab/phantoms.md). A calibration then costs no run.
+//! The twin computes g at the Chebyshev points of every p. Between them g is interpolated by Lagrange's polynomial in
+//! its barycentric form (Berrut and Trefethen, SIAM Review 46, 2004). For a smooth g its error falls exponentially
+//! with the number of points: it is below 0.2 % of the peak for an exponent. In the friction the runs themselves are
+//! not smooth: a node at the rim either slips or sticks. That error is up to 1 % of the peak with any number of
+//! points (docs/lab/phantoms.md). A calibration with a table needs no run.
 
 use std::f64::consts::PI;
 
@@ -17,32 +19,32 @@ use rayon::prelude::*;
 
 use super::paths;
 use super::{CalibrateError, Wanted};
-use crate::compare::{Answer, Run, Watch};
+use crate::compare::{Answer, Cancel, Run};
 use needle_core::scene::{ContactLaw, InstrumentKind, Override, Scene};
 use needle_core::twin::Phase;
 use needle_recording::{At, ForceSeries, Reading};
 
 /// Points along each axis.
 const POINTS: usize = 9;
-/// Depths of a curve, and the speed at which they are passed, m/s: of no matter to an elastic sample.
+/// Number of depths in a curve, and the speed of the indentation, m/s; the speed has no effect on an elastic sample.
 const PLACES: usize = 200;
 const SPEED_M_PER_S: f64 = 1e-3;
-/// How much deeper a curve goes than the recording: a contact may be found above its first reading.
+/// Depth range of a curve over that of the recording: the contact may be found above its first reading.
 const DEEPER: f64 = 1.15;
-/// Way back, as a share of the largest depth, that is noise of a displacement sensor.
+/// Reversal of the motion, as a share of the largest depth, that is attributed to noise of the displacement sensor.
 const WAY_BACK: f64 = 0.01;
-/// Ranges of pressures over the small-strain modulus mu_0 in which a curve is tabulated. C01 <= mu_0 / 2 since C10 > 0; a negative C20 of
-/// Yeoh's law is refused by the scene where C30 is 0.
+/// Ranges of pressures over the small-strain modulus mu_0 in which a curve is tabulated. C01 <= mu_0 / 2 because
+/// C10 > 0. The scene rejects a negative C20 of Yeoh's law if C30 is 0.
 const RATIOS: [(&str, [f64; 2]); 3] =
     [("material.c01_pa", [0.0, 0.499]), ("material.c20_pa", [0.0, 0.5]), ("material.c30_pa", [0.0, 0.5])];
-/// Keys that the force is proportional to; the first that is sought takes what the others leave of mu_0.
+/// Keys that the force is proportional to. The first one that is sought gets the remainder of mu_0.
 const MODULI: [&str; 3] = ["material.shear_modulus_pa", "material.ogden_shear_moduli_pa", "material.c10_pa"];
 
 /// A key that curves are tabulated over.
 #[derive(Clone, Debug, PartialEq)]
 struct Axis {
     key: String,
-    /// Whether the coordinate is the key over mu_0.
+    /// Whether the coordinate is the key divided by mu_0.
     pressure: bool,
     range: [f64; 2],
 }
@@ -82,7 +84,8 @@ pub struct CurveTable {
     scene: Scene,
     axes: Vec<Axis>,
     deepest_m: f64,
-    /// Of each combination of points, the last axis fastest: g at equal distances from 0 to the deepest place, m2.
+    /// g at equally spaced depths from 0 to the deepest, m2, for each combination of points; the last axis varies
+    /// fastest.
     curves: Vec<Vec<f64>>,
 }
 
@@ -91,25 +94,21 @@ fn refused(key: &str, reason: &str) -> CalibrateError {
 }
 
 impl CurveTable {
-    /// Tabulates the scene over the wanted keys, for recordings down to a depth in m. The runs are those of the current rayon pool.
+    /// Tabulates the scene over the wanted keys, for recordings down to a depth in m. The runs use the current rayon
+    /// pool.
     ///
     /// # Errors
-    /// [`CalibrateError`] if the force of the scene is no function of the depth and these keys, or a run fails.
-    pub fn new(
-        scene: &Scene,
-        wanted: &[Wanted],
-        to_depth_m: f64,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> Result<Self, CalibrateError> {
+    /// [`CalibrateError`] if the force of the scene is not a function of the depth and these keys, or if a run fails.
+    pub fn new(scene: &Scene, wanted: &[Wanted], to_depth_m: f64, cancel: &Cancel) -> Result<Self, CalibrateError> {
         let mut table = Self::planned(scene, wanted, to_depth_m)?;
-        table.run_all(stop, &|| {})?;
+        table.run_all(cancel, &|| {})?;
         Ok(table)
     }
 
-    /// A table whose curves are not there yet.
+    /// A table whose curves have not been computed yet.
     ///
     /// # Errors
-    /// [`CalibrateError`] if the force of the scene is no function of the depth and these keys.
+    /// [`CalibrateError`] if the force of the scene is not a function of the depth and these keys.
     pub fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
         check(scene)?;
         let keys = wanted.iter().filter(|w| !w.key.starts_with("align.") && !MODULI.contains(&w.key.as_str()));
@@ -120,33 +119,29 @@ impl CurveTable {
         Ok(Self { scene: scene.clone(), axes, deepest_m: DEEPER * to_depth_m, curves: Vec::new() })
     }
 
-    /// Runs of the twin that it takes.
+    /// Number of runs of the twin that the table needs.
     #[must_use]
     pub fn runs(&self) -> usize {
         POINTS.pow(self.axes.len() as u32)
     }
 
-    /// Makes the curves; `done` is called after each.
+    /// Computes the curves. `done` is called after each.
     ///
     /// # Errors
     /// [`CalibrateError`] if a run fails.
-    pub fn run_all(
-        &mut self,
-        stop: &(dyn Fn() -> bool + Sync),
-        done: &(dyn Fn() + Sync),
-    ) -> Result<(), CalibrateError> {
-        let one = |n: usize| self.curve(n, stop).inspect(|_| done());
+    pub fn run_all(&mut self, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Result<(), CalibrateError> {
+        let one = |n: usize| self.curve(n, cancel).inspect(|_| done());
         self.curves = (0..self.runs()).into_par_iter().map(one).collect::<Result<_, CalibrateError>>()?;
         Ok(())
     }
 
-    /// The curves, to be kept.
+    /// The curves, for storage.
     #[must_use]
     pub fn curves(&self) -> &[Vec<f64>] {
         &self.curves
     }
 
-    /// Takes curves that were kept; false if they are not as many as it needs.
+    /// Takes stored curves; returns false if their number is wrong.
     pub fn take(&mut self, curves: Vec<Vec<f64>>) -> bool {
         let fits = curves.len() == self.runs() && curves.iter().all(|curve| (2..=PLACES).contains(&curve.len()));
         if fits {
@@ -155,7 +150,7 @@ impl CurveTable {
         fits
     }
 
-    /// Scenes at every second point of every axis: where a search may begin.
+    /// Scenes at every second point of every axis: possible starts of a search.
     pub(super) fn coarse(&self) -> impl Iterator<Item = Scene> {
         let axes = self.axes.len() as u32;
         let even = move |n: &usize| (0..axes).all(|a| (n / POINTS.pow(a) % POINTS).is_multiple_of(2));
@@ -186,7 +181,7 @@ impl CurveTable {
         Ok(self.scene.with(&changes)?)
     }
 
-    fn curve(&self, number: usize, stop: &(dyn Fn() -> bool + Sync)) -> Result<Vec<f64>, CalibrateError> {
+    fn curve(&self, number: usize, cancel: &Cancel) -> Result<Vec<f64>, CalibrateError> {
         let scene = self.scene_at(&self.coordinates(number))?;
         let reading = |i: usize| {
             let depth_m = self.deepest_m * i as f64 / (PLACES - 1) as f64;
@@ -194,12 +189,12 @@ impl CurveTable {
         };
         let readings: Vec<Reading> = (0..PLACES).map(reading).collect();
         let none = ForceSeries::new(Vec::new());
-        let run = paths::run(&scene, None, &readings, &none, &mut Stopped(stop))?;
+        let run = paths::run(&scene, None, &readings, &none, &mut cancel.clone())?;
         if let Some(reason) = run.diverged {
             return Err(CalibrateError::Diverged(reason));
         }
         let modulus = scene.material.shear_modulus();
-        // what the twin refuses is beyond what the scene can be pressed to
+        // poses that the twin refuses lie beyond the depth that the scene allows
         let mut curve: Vec<f64> = run.answers.iter().map(|a| a.predicted_n / modulus).collect();
         curve[0] = 0.0;
         Ok(curve)
@@ -226,7 +221,7 @@ impl CurveTable {
         Some(sum)
     }
 
-    /// What a run of the twin over the readings gives; poses deeper than the table are refused.
+    /// The equivalent of a run of the twin over the readings. Poses deeper than the table are refused.
     pub(super) fn run(&self, scene: &Scene, readings: &[Reading], measured: &ForceSeries) -> Option<Run> {
         let curve = self.of(scene)?;
         let begin_s = readings.first().map_or(0.0, |r| r.time_s);
@@ -255,10 +250,10 @@ impl CurveTable {
         Some(Run { scene: scene.name.clone(), answers, one_clock: measured.one_clock(), ..Run::default() })
     }
 
-    /// Whether a motion can be read from the table.
+    /// Whether the table is valid for a motion.
     ///
     /// # Errors
-    /// What is against it, and what to do.
+    /// Why it is not, and what to do.
     pub fn covers(&self, readings: &[Reading]) -> Result<(), String> {
         let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { Some(depth_m) } else { None };
         let Some(depths) = readings.iter().map(depth).collect::<Option<Vec<f64>>>() else {
@@ -288,7 +283,7 @@ fn axis(wanted: &Wanted) -> Result<Axis, CalibrateError> {
     Ok(Axis { key: wanted.key.clone(), pressure: ratio.is_some(), range })
 }
 
-/// A force that is a function of the depth: elastic, of one material, pressed and not pierced.
+/// Accepts only scenes whose force is a function of the depth: elastic, of one material, indented and not punctured.
 fn check(scene: &Scene) -> Result<(), CalibrateError> {
     let pressed = scene.instrument.is_some_and(|i| {
         matches!(i.kind, InstrumentKind::Plate | InstrumentKind::Indenter { .. })
@@ -315,16 +310,6 @@ fn check(scene: &Scene) -> Result<(), CalibrateError> {
     Ok(())
 }
 
-struct Stopped<'a>(&'a (dyn Fn() -> bool + Sync));
-
-impl Watch for Stopped<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -343,19 +328,20 @@ mod tests {
     fn between_its_points_the_table_is_what_a_run_gives() {
         let scene = Scene::from_toml(BLOCK, "block").unwrap();
         let modulus = wanted("material.ogden_shear_moduli_pa");
-        // where a plate changes from slip to stick the curve is not smooth in the friction, and the polynomial converges slowly
+        // where a plate changes from slip to stick the curve is not smooth in the friction, and the polynomial
+        // converges slowly
         let exponents = ("material.ogden_exponents=0.5..12", 4.7, 2e-3);
         let friction = ("instrument.friction_coefficient=0.0..0.6", 0.13, 1e-2);
         for (key, x, bound) in [exponents, friction] {
             let key = wanted(key);
-            let table = CurveTable::new(&scene, &[modulus.clone(), key.clone()], 9e-3, &|| false).unwrap();
+            let table = CurveTable::new(&scene, &[modulus.clone(), key.clone()], 9e-3, &Cancel::default()).unwrap();
             assert_eq!(table.runs(), POINTS);
             let at = [Override::typed(&key.key, x, "test"), Override::typed(&modulus.key, 2.5e3, "test")];
             let scene = scene.with(&at).unwrap();
             let readings: Vec<Reading> =
                 (0..180).map(|i| Reading { time_s: f64::from(i) * 0.05, at: At::Depth(f64::from(i) * 5e-5) }).collect();
             let none = ForceSeries::new(Vec::new());
-            let run = paths::run(&scene, None, &readings, &none, &mut Stopped(&|| false)).unwrap();
+            let run = paths::run(&scene, None, &readings, &none, &mut Cancel::default()).unwrap();
             let read = table.run(&scene, &readings, &none).unwrap();
             assert_eq!(run.answers.len(), read.answers.len());
             let peak = run.answers.last().unwrap().predicted_n;
@@ -374,10 +360,11 @@ mod tests {
         let relaxing = Override::parse("material.prony_shares=[0.3]", "test").unwrap();
         let times = Override::parse("material.prony_times_s=[1.0]", "test").unwrap();
         let modulus = [wanted("material.ogden_shear_moduli_pa")];
-        let error = CurveTable::new(&scene.with(&[relaxing, times]).unwrap(), &modulus, 9e-3, &|| false).unwrap_err();
+        let error =
+            CurveTable::new(&scene.with(&[relaxing, times]).unwrap(), &modulus, 9e-3, &Cancel::default()).unwrap_err();
         assert!(error.to_string().contains("relaxes"), "{error}");
         let unbounded = [modulus[0].clone(), wanted("material.ogden_exponents")];
-        let error = CurveTable::new(&scene, &unbounded, 9e-3, &|| false).unwrap_err();
+        let error = CurveTable::new(&scene, &unbounded, 9e-3, &Cancel::default()).unwrap_err();
         assert!(error.to_string().contains("bounds"), "{error}");
         let table = CurveTable { scene, axes: Vec::new(), deepest_m: 9e-3, curves: vec![vec![0.0; PLACES]] };
         let back = [0.0, 5e-3, 4e-3].map(|d| Reading { time_s: 0.0, at: At::Depth(d) });

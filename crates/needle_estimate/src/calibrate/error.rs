@@ -1,13 +1,13 @@
-//! Why a calibration finds nothing.
+//! Why a calibration has no result.
 
 use needle_core::scene::SceneError;
 use needle_core::twin::BuildError;
 
-/// Why nothing was found.
+/// Why a calibration has no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrateError {
-    /// A key isn't one, or a value isn't allowed.
+    /// A key does not exist, or a value is not allowed.
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// A key that can't be searched for.
@@ -18,7 +18,7 @@ pub enum CalibrateError {
         /// What is wrong with it, and what to do.
         reason: String,
     },
-    /// The scene as it is can't be built.
+    /// The scene can't be built with its own values.
     #[error("scene {scene} can't be discretised: {source}")]
     Build {
         /// Its name.
@@ -26,15 +26,15 @@ pub enum CalibrateError {
         /// Why.
         source: BuildError,
     },
-    /// The scene as it is can't be run over the recorded motion.
+    /// The scene diverges over the recorded motion with its own values.
     #[error("the scene diverges over the recorded motion: {0}. Start from other values with --set")]
     Diverged(String),
-    /// Too little to fit.
+    /// Too few readings to fit.
     #[error("{readings} readings of the load cell fall on the motion, and {unknowns} unknowns need more: {remedy}")]
     TooFew {
         /// Readings with a measured force.
         readings: usize,
-        /// Keys, offset and drift.
+        /// Number of unknowns: keys, offset and drift.
         unknowns: usize,
         /// What to do.
         remedy: &'static str,
@@ -42,10 +42,10 @@ pub enum CalibrateError {
     /// The instrument never touches the sample.
     #[error("the part of the recording that is fitted has no contact: the force says nothing about the scene")]
     NoContact,
-    /// A value that the table of curves does not hold.
+    /// A value outside the table of curves.
     #[error("the scene's own values lie outside the bounds of the table: widen them, or begin within them")]
     OutsideTable,
-    /// The user ended it.
+    /// The user interrupted the search.
     #[error("interrupted: nothing is written")]
     Interrupted,
 }

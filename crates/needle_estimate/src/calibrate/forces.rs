@@ -7,17 +7,17 @@ pub struct Forces {
     pub time_s: Vec<f64>,
     /// Depth of the tip, m.
     pub depth_m: Vec<f64>,
-    /// The load cell, N, positive against the insertion.
+    /// Reading of the load cell, N, positive against the insertion.
     pub measured_n: Vec<f64>,
-    /// The twin with the values that the search began with, N.
+    /// Force of the twin with the values at the start of the search, N.
     pub start_n: Vec<f64>,
-    /// The twin with the values found, N.
+    /// Force of the twin with the identified values, N.
     pub model_n: Vec<f64>,
-    /// The same with the load cell's offset and drift on it, N: what the load cell should read.
+    /// `model_n` plus the load cell's offset and drift, N: the expected reading of the load cell.
     pub fitted_n: Vec<f64>,
 }
 
-/// Root mean square of the difference, N; 0 of nothing.
+/// Root mean square of the difference, N; 0 for empty slices.
 #[must_use]
 pub fn rmse(a: &[f64], b: &[f64]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();

@@ -1,11 +1,13 @@
-//! Several recordings of one sample as one problem: the sample's keys are shared, alignment and load cell are each recording's own.
+//! Fits several recordings of one sample as one problem. The sample's keys are shared. Alignment and load cell
+//! parameters belong to each recording.
 //!
 //! ```text
 //! smallest sum_r 1 / s_r^2 sum_i (F(d_ri - c_r; keys) + zero_r + drift_r t_ri - F_measured,ri)^2
 //! ```
 //!
-//! s_r is what is left of recording r alone. Errors are the larger of two: those of [`Uncertainty::noise`], and of the recordings taken as
-//! independent wholes, which holds whatever they differ in (Liang and Zeger, Biometrika 73, 1986):
+//! s_r is the root mean square residual of recording r fitted alone. The standard error is the larger of two: that of
+//! [`Uncertainty::noise`], and that of the recordings taken as independent clusters. The latter holds whatever the
+//! recordings differ in (Liang and Zeger, Biometrika 73, 1986):
 //!
 //! ```text
 //! C = n / (n - 1) N^-1 (sum_r g_r g_r^T) N^-1,   N = J^T J,   g_r = J_r^T r_r
@@ -17,63 +19,53 @@ use super::problem::Recorded;
 use super::search::{Searched, search};
 use super::unknown::Sought;
 use super::{CalibrateError, Task};
+use crate::compare::Cancel;
 use crate::compare::least_squares::{self, Problem, Unknown};
 use crate::compare::uncertainty::Uncertainty;
-use crate::compare::{Answer, Watch};
 
 /// A shared key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointKey {
     /// Dotted path.
     pub key: String,
-    /// The value found.
+    /// The identified value.
     pub value: f64,
-    /// Standard error by noise and by the recordings' differences; `None` where they don't determine it.
+    /// Standard error from noise and from the differences between the recordings; `None` where they don't determine
+    /// it.
     pub standard_error: Option<f64>,
 }
 
-/// What is a recording's own.
+/// The parameters of one recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Own {
-    /// Recorded depth of the contact, m; 0 where it was not sought.
+    /// Recorded depth of the contact, m; 0 if it was not sought.
     pub contact_depth_m: f64,
     /// The load cell's zero, N.
     pub force_zero_n: f64,
-    /// Root mean square of what is left with the shared keys, N.
+    /// Root mean square residual with the shared keys, N.
     pub rmse_n: f64,
 }
 
-/// What several recordings have in common.
+/// The result of a joint fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// The shared keys, in the order in which they were asked for.
+    /// The shared keys, in the requested order.
     pub keys: Vec<JointKey>,
     /// One per recording.
     pub own: Vec<Own>,
-    /// Runs of the twin, those of each recording alone among them.
+    /// Number of runs of the twin, including those of the separate fits.
     pub runs: u32,
-    /// Whether the search arrived.
+    /// Whether the search converged.
     pub converged: bool,
-}
-
-/// Nothing is shown, and the caller may end it.
-struct Quiet<'a>(&'a (dyn Fn() -> bool + Sync));
-
-impl Watch for Quiet<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
 }
 
 struct Together<'a> {
     parts: Vec<Recorded<'a>>,
     /// 1 / s_r
     weights: Vec<f64>,
-    /// How many keys are shared: the first of every part.
+    /// Number of shared keys; they come first in every part.
     shared: usize,
-    /// Where each part's own unknowns begin.
+    /// Index of the first unknown that belongs to each part alone.
     offsets: Vec<usize>,
 }
 
@@ -129,12 +121,12 @@ impl Problem for Together<'_> {
     }
 }
 
-/// Fits recordings of one sample together. All tasks ask for the same keys.
+/// Fits recordings of one sample jointly. All tasks request the same keys.
 ///
 /// # Errors
 /// [`CalibrateError`] as of [`super::calibrate`] for any of them.
-pub fn calibrate_together(tasks: &[Task], stop: &(dyn Fn() -> bool + Sync)) -> Result<Joint, CalibrateError> {
-    let mut watches: Vec<Quiet> = tasks.iter().map(|_| Quiet(stop)).collect();
+pub fn calibrate_together(tasks: &[Task], cancel: &Cancel) -> Result<Joint, CalibrateError> {
+    let mut watches: Vec<Cancel> = tasks.iter().map(|_| cancel.clone()).collect();
     let mut silent: Vec<fn(&str)> = tasks.iter().map(|_| (|_: &str| ()) as fn(&str)).collect();
     let (mut parts, mut alone) = (Vec::new(), Vec::new());
     for ((task, watch), tell) in tasks.iter().zip(&mut watches).zip(&mut silent) {
@@ -152,20 +144,21 @@ pub fn calibrate_together(tasks: &[Task], stop: &(dyn Fn() -> bool + Sync)) -> R
     Ok(judged(&together, &solution))
 }
 
-/// Root mean square of what is left of a recording alone; above what rounding leaves.
+/// Root mean square residual of a recording fitted alone, bounded below by rounding.
 fn left(found: &Searched) -> f64 {
     let r = &found.solution.residuals;
     (r.norm_squared() / r.len().max(1) as f64).sqrt().max(1e-9)
 }
 
-/// The sought numbers, keys of the scene first: these are shared.
+/// The unknowns, with the keys of the scene first: these are shared.
 fn keys_first(task: &Task) -> Vec<Sought> {
     let all = Sought::all(task.wanted, task.load_cell);
     let (keys, own): (Vec<_>, Vec<_>) = all.into_iter().partition(|s| matches!(s, Sought::Key(_)));
     keys.into_iter().chain(own).collect()
 }
 
-/// Shared keys from the recordings' mean, all else from where each has ended alone; and where each one's own begin.
+/// Start of the joint search. Shared keys start at the mean over the recordings; all others where the separate fit
+/// ended. The second value holds the index of each recording's first own unknown.
 fn unknowns(alone: &[Searched], shared: usize) -> (Vec<Unknown>, Vec<usize>) {
     let mean = |k: usize| alone.iter().map(|one| one.solution.x[k]).sum::<f64>() / alone.len() as f64;
     let mut all: Vec<Unknown> = alone
@@ -211,7 +204,8 @@ fn judged(together: &Together, solution: &least_squares::Solution) -> Joint {
     }
 }
 
-/// Covariance by the recordings as independent wholes; `None` of one, or where the equations can't be solved.
+/// Covariance from the recordings as independent clusters; `None` for a single one, or if the equations can't be
+/// solved.
 fn differences(together: &Together, solution: &least_squares::Solution) -> Option<DMatrix<f64>> {
     let n = together.parts.len();
     let (j, r) = (&solution.jacobian, &solution.residuals);
@@ -252,7 +246,7 @@ mod tests {
         let (truth, spread, repeats, seeds) = (1e4, 0.01, 5, 30);
         let scene = Scene::from_toml(BLOCK, "block").unwrap();
         let wanted = [MODULUS, "align.contact_depth_m=-0.001..0.001"].map(|text| Wanted::parse(text).unwrap());
-        let table = CurveTable::new(&scene, &wanted, 6e-3, &|| false).unwrap();
+        let table = CurveTable::new(&scene, &wanted, 6e-3, &Cancel::default()).unwrap();
         let readings: Vec<Reading> = (0..220)
             .map(|i| Reading { time_s: 0.05 * f64::from(i), at: At::Depth(2.5e-5 * f64::from(i) - 1e-3) })
             .collect();
@@ -288,7 +282,7 @@ mod tests {
                     table: Some(&table),
                 })
                 .collect();
-            let found = calibrate_together(&tasks, &|| false).unwrap();
+            let found = calibrate_together(&tasks, &Cancel::default()).unwrap();
             assert!(found.converged && found.own.len() == repeats && found.runs == 0);
             values.push(found.keys[0].value);
             variances.push(found.keys[0].standard_error.unwrap().powi(2));
@@ -305,7 +299,7 @@ mod tests {
             said.sqrt()
         );
         assert!((mean - truth).abs() < 3.0 * (variance / n).sqrt(), "{mean} {variance}");
-        // of five repeats the variance is known to about a factor of two
+        // from five repeats the variance is known to about a factor of two
         assert!((0.4..2.5).contains(&(said / variance)), "{said} {variance}");
     }
 }

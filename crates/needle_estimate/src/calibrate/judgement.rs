@@ -1,4 +1,4 @@
-//! What a search has found, how sure it is, and what is not to be believed of it.
+//! The result of a search, its uncertainty, and what of it is not reliable.
 
 use nalgebra::DMatrix;
 
@@ -13,9 +13,9 @@ use needle_core::scene::Scene;
 
 /// Drift that the data sheet of a subminiature load cell allows, N/s: five times that of `bags/README.md`.
 const DRIFT_N_PER_S: f64 = 1e-4;
-/// The same for larger cells: share of the peak force over the recording.
+/// The same for larger cells: drift over the recording as a share of the peak force.
 const DRIFT_SHARE: f64 = 0.05;
-/// A drift that is not known better than to a third is none.
+/// A drift counts only if it exceeds this multiple of its standard error.
 const KNOWN: f64 = 3.0;
 
 /// Estimates, errors and verdict.
@@ -87,7 +87,7 @@ fn calibration_notes(problem: &Recorded) -> Vec<String> {
     }
 }
 
-/// That on the force along the axis, or on a component across it if that explains less.
+/// The verdict on the force along the axis, or on a component across it if that explains less.
 fn verdict(rows: &Rows, across: &[(String, Rows)], fitted: usize, force_error: f64, notes: &[String]) -> Verdict {
     let along = judge(rows, fitted, force_error);
     let worse =
@@ -97,10 +97,10 @@ fn verdict(rows: &Rows, across: &[(String, Rows)], fitted: usize, force_error: f
     verdict
 }
 
-/// Gives no error to what can't be believed, and says why.
+/// Withholds the standard error of estimates that are not reliable, and states why.
 fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&str>, rows: &Rows) {
     let mixed = |k: &usize| calibration.indistinguishable.iter().any(|g| g.contains(&calibration.estimates[*k].name));
-    // a drift that could as well be something else says nothing of the load cell
+    // a drift that is correlated with another unknown gives no information about the load cell
     let beyond = drift.filter(|k| !mixed(k)).and_then(|k| excessive(&calibration.estimates[k], rows));
     let all = match calibration.verdict.explains {
         Explains::No | Explains::InPart => Some("the model does not explain the readings".to_owned()),
@@ -123,7 +123,7 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&s
     }
 }
 
-/// The option by which what can't be told apart is fewer; empty where there is none.
+/// The option that removes one of several indistinguishable unknowns; empty if there is none.
 pub(super) fn cure(group: &[String]) -> &'static str {
     let has = |key: &str| group.iter().any(|name| name == key);
     if has(unknown::DRIFT_KEY) {
@@ -135,7 +135,7 @@ pub(super) fn cure(group: &[String]) -> &'static str {
     }
 }
 
-/// Why nothing has an interval where the size of a region that is no layer is sought.
+/// Why no estimate has an interval if the size of a region that is no layer is sought.
 fn of_many_clouds(key: &str) -> String {
     format!(
         "each value of {key} has a cloud of its own, and forces on two clouds differ by up to 1 %, which no derivative tells from the \
@@ -143,7 +143,7 @@ fn of_many_clouds(key: &str) -> String {
     )
 }
 
-/// A drift that no load cell has: something else moves the force in the course of the recording.
+/// Reports a drift larger than any load cell has: another effect changes the force in the course of the recording.
 fn excessive(drift: &Estimate, rows: &Rows) -> Option<String> {
     let whole = rows.time_s.last()? - rows.time_s.first()?;
     let most = DRIFT_N_PER_S.max(DRIFT_SHARE * rows.peak_n() / whole);

@@ -1,12 +1,13 @@
-//! Calibration from tracked points inside the sample, with the force or without it.
+//! Calibration from tracked points inside the sample, with or without the force.
 //!
 //! ```text
 //! smallest sum_i |u(X_i, t; keys) - u_measured,i|^2 / s_m^2  +  sum_t (a F(t; keys) + b - F_measured)^2 / s_F^2  +  (a - 1)^2 / e^2
 //! ```
 //!
-//! s_m: noise of one coordinate of a marker; s_F: that of the load cell, from its own readings; a: the force's size, wrong by the relative
-//! standard uncertainty e (`Task::force_error`), which no number of readings reduces; b: the load cell's zero. The force is read at the
-//! markers' times. The source paper wants its deformation coefficient from such points.
+//! s_m: noise of one coordinate of a marker; s_F: noise of the load cell, estimated from its own readings; b: the
+//! load cell's zero; a: a factor on the force. Its prior standard deviation is e, the relative standard uncertainty
+//! of the force (`Task::force_error`), which no number of readings reduces. The force is interpolated at the markers'
+//! times. The source paper identifies its deformation coefficient from such points.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,12 +18,12 @@ use needle_core::scene::{Override, Scene};
 use needle_recording::MarkerSample;
 use needle_recording::{ForceSeries, Reading};
 
-/// Change of a key for its derivative, as a share of it.
+/// Relative change of a key for its finite difference.
 const DIFFERENCE: f64 = 0.01;
-/// Fewest readings of the load cell that tell its noise.
+/// Fewest readings of the load cell from which its noise is estimated.
 const LEAST_FORCES: usize = 8;
 
-/// What is to be found from what.
+/// A calibration from markers.
 #[derive(Clone, Debug)]
 pub struct MarkerTask<'a> {
     /// The scene; its targets are the markers, in their order.
@@ -33,63 +34,64 @@ pub struct MarkerTask<'a> {
     pub markers: &'a [MarkerSample],
     /// Standard deviation of one coordinate, m.
     pub noise_m: f64,
-    /// The recorded force, and the relative uncertainty of its size; `None`: markers alone.
+    /// The recorded force, and the relative standard uncertainty of its size; `None`: markers alone.
     pub force: Option<(&'a ForceSeries, f64)>,
-    /// The keys.
+    /// The keys to identify.
     pub wanted: &'a [Wanted],
 }
 
-/// A key that was found.
+/// An identified key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerEstimate {
     /// Dotted path.
     pub key: String,
-    /// The value found.
+    /// The identified value.
     pub value: f64,
-    /// Where the search began.
+    /// Start of the search.
     pub start: f64,
-    /// Standard error, by the noise or, if more is left, by what is left; `None` where the data don't determine it.
+    /// Standard error from the noise, or from the residual if that is larger; `None` where the data don't determine
+    /// it.
     pub standard_error: Option<f64>,
 }
 
-/// What is left at one marker.
+/// Residual of one marker.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerResidual {
     /// Name of the target.
     pub name: String,
-    /// Its place in the undeformed sample, m.
+    /// Its position in the undeformed sample, m.
     pub position: [f64; 3],
     /// Mean of predicted - measured, m.
     pub mean_m: [f64; 3],
-    /// Root mean square of a coordinate, m.
+    /// Root mean square error of a coordinate, m.
     pub rms_m: f64,
-    /// Times at which it was seen.
+    /// Number of times at which it was seen.
     pub seen: usize,
 }
 
-/// What was found.
+/// Result of a calibration from markers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerFit {
-    /// The scene with the values found.
+    /// The scene with the identified values.
     pub scene: Scene,
-    /// The keys, in the order in which they were asked for.
+    /// The keys, in the requested order.
     pub estimates: Vec<MarkerEstimate>,
-    /// Residual map.
+    /// Residual of each marker.
     pub residuals: Vec<MarkerResidual>,
-    /// Root mean square of the force's residual, N, with the force.
+    /// Root mean square of the force's residual, N, if the force was used.
     pub rmse_n: Option<f64>,
-    /// Sum of squares over the readings less the unknowns: near 1 where the model explains them.
+    /// Sum of squares divided by the number of readings minus unknowns: near 1 if the model explains them.
     pub reduced_chi_square: f64,
-    /// Runs of the twin.
+    /// Number of runs of the twin.
     pub runs: u32,
-    /// Whether the search arrived.
+    /// Whether the search converged.
     pub converged: bool,
 }
 
 struct Marked<'a> {
     task: &'a MarkerTask<'a>,
     watch: &'a mut dyn Watch,
-    /// Time and measured force at it, where there is one, and its own noise.
+    /// Time and measured force at the markers' times, if there is a force, and the load cell's noise.
     forces: Vec<(f64, f64)>,
     noise_n: f64,
     runs: u32,
@@ -136,7 +138,7 @@ fn seen(position: &[f64; 3]) -> bool {
     position.iter().all(|x| x.is_finite())
 }
 
-/// Values over time, between two of them on a straight line; `None` outside.
+/// Position of a time between two entries: index and share of the interval, for linear interpolation; `None` outside.
 fn between(times: &[f64], at: f64) -> Option<(usize, f64)> {
     let next = times.partition_point(|t| *t < at);
     match next {
@@ -157,12 +159,13 @@ impl Marked<'_> {
         paths::run(scene, None, self.task.readings, self.task.force.map_or(&none, |(series, _)| series), self.watch)
     }
 
-    /// Recorded times count from that of the first reading in a run.
+    /// Start of the run's time in recorded time: that of its first reading.
     fn begin_s(&self) -> f64 {
         self.task.readings.first().map_or(0.0, |r| r.time_s)
     }
 
-    /// The measured force at the markers' times, and the load cell's noise from third differences, which no smooth force has.
+    /// Interpolates the measured force at the markers' times, and estimates the load cell's noise from third
+    /// differences, which vanish for a smooth force.
     fn take_forces(&mut self, run: &Run) {
         if self.task.force.is_none() {
             return;
@@ -171,7 +174,7 @@ impl Marked<'_> {
         if all.len() < LEAST_FORCES {
             return;
         }
-        // (1 -3 3 -1) has the sum of squares 20
+        // the squares of (1 -3 3 -1) add up to 20
         let third = all.windows(4).map(|w| (w[0].1 - 3.0 * w[1].1 + 3.0 * w[2].1 - w[3].1).powi(2));
         self.noise_n = (third.sum::<f64>() / (20.0 * (all.len() - 3) as f64)).sqrt();
         let times: Vec<f64> = all.iter().map(|a| a.0).collect();
@@ -184,7 +187,8 @@ impl Marked<'_> {
         self.forces = self.task.markers.iter().filter_map(at).collect();
     }
 
-    /// Predicted - measured of every coordinate that was seen, m, with its marker; `None` where the run doesn't reach.
+    /// Predicted - measured of every coordinate that was seen, m, with its marker; `None` where the run does not
+    /// cover the time.
     fn marker_residuals(&self, run: &Run) -> Option<Vec<(usize, [f64; 3])>> {
         let times: Vec<f64> = run.targets.iter().map(|row| row.time_s).collect();
         let begin = self.begin_s();
@@ -213,7 +217,7 @@ impl Marked<'_> {
         self.forces.iter().filter_map(one).collect()
     }
 
-    /// The load cell's zero, N, and the size of its force over the predicted one.
+    /// The load cell's zero, N, and the factor of the measured force over the predicted one.
     fn cell(&self, x: &[f64]) -> [f64; 2] {
         let at = |k: usize, else_: f64| x.get(self.task.wanted.len() + k).copied().unwrap_or(else_);
         [at(0, 0.0), at(1, 1.0)]
@@ -261,7 +265,7 @@ impl Marked<'_> {
         }
     }
 
-    /// What is left at each marker.
+    /// The residual of each marker.
     fn map(&self, scene: &Scene, all: &[(usize, [f64; 3])]) -> Vec<MarkerResidual> {
         let one = |(k, target): (usize, &needle_core::scene::Target)| {
             let of: Vec<&[f64; 3]> = all.iter().filter(|(m, _)| *m == k).map(|(_, r)| r).collect();

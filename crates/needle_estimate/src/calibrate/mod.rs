@@ -1,16 +1,17 @@
-//! Calibration: the values of scene keys with which the twin's force comes nearest to a recorded one.
+//! Calibration: finds the values of scene keys that minimise the difference of the twin's force and a recorded one.
 //!
 //! ```text
 //! smallest sum_i (F(d_1..i; keys) + offset + drift t_i - F_measured,i)^2
 //! ```
 //!
-//! Where the load cell measured the force as a vector and the model is one in three dimensions, the components across the axis are fitted
-//! beside that along it, each with its own noise, zero and drift (`compare::components`). Every F is a whole run of the twin over the
-//! recorded motion, the same as `replay` makes. Offset and drift are those of the load cell, estimated alongside. So are the depth of the
-//! first contact and the clock of the force against that of the position, where the recording shows that they are off
-//! (`compare::alignment`); else they stay as recorded.
+//! If the load cell measured the force as a vector and the model is three-dimensional, the components across the axis
+//! are fitted as well. Each has its own noise, zero and drift (`compare::components`). Every F is a complete run of
+//! the twin over the recorded motion, the same as in `replay`. Offset and drift of the load cell are estimated too.
+//! So are the depth of first contact and the offset between the clocks of force and position, if the recording shows
+//! that they are wrong (`compare::alignment`). Otherwise they stay as recorded.
 //!
-//! A model that doesn't explain the readings is rejected, and what the data can't tell has no interval (`judgement`).
+//! A model that does not explain the readings is rejected. What the data can't determine has no interval
+//! (`judgement`).
 
 mod components;
 mod curve_table;
@@ -49,37 +50,38 @@ pub use split::{HoldOut, Parts};
 pub use task::{LoadCell, Task, Wanted};
 use unknown::Sought;
 
-/// Bounds of a 95% interval over the standard error.
+/// Half-width of a 95% interval, in standard errors.
 pub const INTERVAL_95: f64 = 1.96;
 /// One estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// The scene's key, or `load_cell.offset_n`, `load_cell.drift_n_per_s`.
     pub name: String,
-    /// The value found.
+    /// The identified value.
     pub value: f64,
-    /// Where the search began.
+    /// Start of the search.
     pub start: f64,
-    /// Between these.
+    /// Least and largest value.
     pub bounds: [f64; 2],
-    /// Standard error by noise; `None` where the data don't determine the value.
+    /// Standard error from noise; `None` where the data don't determine the value.
     pub noise_error: Option<f64>,
-    /// Standard error by [`Task::force_error`].
+    /// Standard error from [`Task::force_error`].
     pub systematic_error: Option<f64>,
-    /// Whether the data say anything about it at all.
+    /// Whether it has any effect on the data.
     pub has_effect: bool,
-    /// Why it has no error and no interval, if it has none.
+    /// Reason if the error and the interval are withheld.
     pub withheld: Option<String>,
 }
 
 impl Estimate {
-    /// Standard error by both, in the unit of the value; `None` where the data don't determine it, or it is withheld.
+    /// Standard error from noise and systematic errors, in the unit of the value. `None` where the data don't
+    /// determine it, or it is withheld.
     #[must_use]
     pub fn standard_error(&self) -> Option<f64> {
         self.noise_error.zip(self.systematic_error).map(|(a, b)| a.hypot(b)).filter(|_| self.withheld.is_none())
     }
 
-    /// The 95% interval, cut to the bounds.
+    /// The 95% interval, clipped to the bounds.
     #[must_use]
     pub fn interval_95(&self) -> Option<[f64; 2]> {
         let half = INTERVAL_95 * self.standard_error()?;
@@ -94,55 +96,56 @@ impl Estimate {
     }
 }
 
-/// What was found.
+/// Result of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
-    /// The scene with the values found.
+    /// The scene with the identified values.
     pub scene: Scene,
-    /// The keys, in the order in which they were asked for, then the load cell's.
+    /// The keys, in the requested order, then the load cell's.
     pub estimates: Vec<Estimate>,
     /// How many of the estimates are keys.
     pub keys: usize,
-    /// Keys that took the value of a wanted one, with it: the scene had them equal.
+    /// Keys that were equal to a wanted one in the scene and took its value: the key, and the wanted one.
     pub tied: Vec<(String, String)>,
     /// Correlation of the estimates' errors; `None` where one of the two is not determined.
     pub correlation: Vec<Vec<Option<f64>>>,
-    /// Names of those that the data can't tell apart.
+    /// Groups of estimates that the data can't distinguish, by name.
     pub indistinguishable: Vec<Vec<String>>,
-    /// Measured force and the twin's, before and after.
+    /// Measured force and the twin's, before and after the fit.
     pub forces: Forces,
-    /// Regions that the tip was in over the depth, with the values found; empty where the scene has none.
+    /// Regions of the tip over the depth, with the identified values; empty if the scene has none.
     pub regions: Vec<Depths>,
-    /// Readings that were fitted, and those that were held out, as indices into `forces`.
+    /// Fitted readings and held-out readings, as indices into `forces`.
     pub parts: Parts,
-    /// Readings of the fitted part that were left out as spikes.
+    /// Number of readings of the fitted part that were excluded as spikes.
     pub left_out: usize,
-    /// Steps of the search.
+    /// Iterations of the search.
     pub iterations: usize,
-    /// Runs of the twin.
+    /// Number of runs of the twin.
     pub runs: u32,
-    /// Whether the search arrived; else it ran out of steps.
+    /// Whether the search converged; otherwise it reached the iteration limit.
     pub converged: bool,
-    /// Whether the model with the values found explains the readings.
+    /// Whether the model with the identified values explains the readings.
     pub verdict: Verdict,
-    /// How the recording lies to the model.
+    /// Alignment of the recording with the model: contact depth, clock offset and zero.
     pub alignment: Option<Alignment>,
-    /// Which of contact depth and clock were taken out of the recording.
+    /// Whether the recording was corrected for the contact depth and for the clock offset.
     pub realigned: [bool; 2],
-    /// Poses that the twin refused.
+    /// Number of poses that the twin refused.
     pub refused: usize,
-    /// What the load cell's drift could not be told from, for which it was left out ([`LoadCell::Auto`]); empty where it was not.
+    /// Unknowns from which the load cell's drift could not be distinguished, so that the drift was left out
+    /// ([`LoadCell::Auto`]). Empty if it was not.
     pub drift_left_out_for: Vec<String>,
 }
 
 impl Calibration {
-    /// Root mean square of what is left over the part that was fitted, spikes included, N.
+    /// Root mean square residual over the fitted part, spikes included, N.
     #[must_use]
     pub fn rmse_n(&self) -> f64 {
         self.rmse_of(&self.parts.fitted)
     }
 
-    /// The same over the readings that were held out, if any, N.
+    /// The same over the held-out readings, if any, N.
     #[must_use]
     pub fn held_out_rmse_n(&self) -> Option<f64> {
         self.parts.held_out.as_ref().map(|range| self.rmse_of(range))
@@ -152,13 +155,13 @@ impl Calibration {
         rmse(&self.forces.measured_n[range.clone()], &self.forces.fitted_n[range.clone()])
     }
 
-    /// Whether the model is rejected: it doesn't explain the readings with any values.
+    /// Whether the model is rejected: it explains the readings with no values of the keys.
     #[must_use]
     pub fn rejected(&self) -> bool {
         self.verdict.explains != crate::compare::Explains::Yes
     }
 
-    /// What was sought of the alignment is known by the search, the rest as it was seen on the last run.
+    /// Merges the alignment. Values that were sought come from the search; the others were estimated on the last run.
     fn with_alignment(mut self, seen: Option<Alignment>) -> Self {
         let of = |names: [&str; 2]| {
             let found = self.estimates.iter().find(|e| names.contains(&e.name.as_str()))?;
@@ -177,7 +180,8 @@ impl Calibration {
         self
     }
 
-    /// Estimates and alignment of the recording as it was recorded: with what the scene's `[align]` had taken out of it.
+    /// Refers estimates and alignment to the recording as it was recorded: adds the correction of the scene's
+    /// `[align]`.
     fn of_recording(mut self, sought: &[Sought], scene: &Scene) -> Self {
         for (e, sought) in self.estimates.iter_mut().zip(sought) {
             let before = sought.aligned(scene);
@@ -193,7 +197,7 @@ impl Calibration {
         self
     }
 
-    /// What is to be done where the data can't tell a group apart.
+    /// What to do if the data can't distinguish the members of a group.
     #[must_use]
     pub fn remedy(&self, group: &[String]) -> String {
         let keys: Vec<&str> = self.estimates[..self.keys].iter().map(|e| e.name.as_str()).collect();
@@ -208,17 +212,18 @@ impl Calibration {
         }
     }
 
-    /// The estimate of a name.
+    /// The estimate with a name.
     #[must_use]
     pub fn estimate(&self, name: &str) -> Option<&Estimate> {
         self.estimates.iter().find(|e| e.name == name)
     }
 }
 
-/// Searches for the values.
+/// Runs the search.
 ///
 /// # Errors
-/// [`CalibrateError`] if a key can't be searched for, the scene can't be run as it is, or there is too little to fit.
+/// [`CalibrateError`] if a key can't be searched for, the scene can't be run with its own values, or there are too
+/// few readings.
 pub fn calibrate(
     task: &Task,
     watch: &mut dyn Watch,
@@ -236,14 +241,14 @@ pub fn calibrate(
     Ok(Calibration { runs: found.runs + again.runs, drift_left_out_for: others, ..again })
 }
 
-/// With just what the task asks for of the load cell.
+/// Runs the search with exactly the load cell parameters that the task requests.
 fn searched(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> Result<Calibration, CalibrateError> {
     let sought = Sought::all(task.wanted, task.load_cell);
     let mut problem = Recorded::new(task, sought, watch, tell);
     let Searched { mut unknowns, begun, solution, realigned, left_out } = search(&mut problem, task)?;
     unknowns.iter_mut().zip(begun).for_each(|(u, start)| u.start = start);
     let changes = problem.changes(&solution.x);
-    // with the steps of the runs, or it would replay otherwise
+    // keep the step count of these runs, or a replay would give another force
     let mut scene = problem.common.posed(&task.scene.with(&changes)?);
     scene.align = align(&problem, task.scene, &solution.x);
     let forces = problem.forces(&solution.x)?;
@@ -256,7 +261,7 @@ fn searched(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> R
     Ok(found.with_alignment(seen).of_recording(&problem.sought, task.scene))
 }
 
-/// How the recording lies to the model with the values x: what was taken out of it before, and what the search has found.
+/// Alignment of the recording with the model at the values x: the scene's own correction plus what the search found.
 fn align(problem: &Recorded, scene: &Scene, x: &[f64]) -> Option<Align> {
     let of = |wanted: fn(&Sought) -> bool| problem.sought.iter().position(wanted).map_or(0.0, |k| x[k]);
     let found = Align {
@@ -268,14 +273,14 @@ fn align(problem: &Recorded, scene: &Scene, x: &[f64]) -> Option<Align> {
     Some(scene.align.unwrap_or(Align::NONE).then(found)).filter(|align| *align != Align::NONE)
 }
 
-/// The fitted keys that a scene has, with their values: to carry them over to another scene.
+/// The identified keys that a scene has, with their values: to transfer them to another scene.
 #[must_use]
 pub fn carried(calibration: &Calibration, scene: &Scene) -> Vec<Override> {
     let keys = calibration.estimates[..calibration.keys].iter();
     let tied =
         calibration.tied.iter().filter_map(|(key, other)| Some((key.as_str(), calibration.estimate(other)?.value)));
     let all = keys.map(|e| (e.name.as_str(), e.value)).chain(tied).filter(|(key, _)| scene.get(key).is_some());
-    // an alignment is the fitted recording's own
+    // the alignment belongs to the fitted recording alone
     let all = all.filter(|(key, _)| !key.starts_with("align."));
     all.map(|(key, value)| Override::typed(key, value, "calibrate")).collect()
 }

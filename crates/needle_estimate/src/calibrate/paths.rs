@@ -3,19 +3,19 @@
 use super::{CalibrateError, Task};
 use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
-use crate::compare::{self, Answer, Collector, Keep, Run, Watch};
+use crate::compare::{Answer, Keep, Run, Session, Watch};
 use needle_core::scene::{Region, Scene};
 use needle_recording::{ForceSeries, Reading};
 
-/// Share of the poses that must be answered.
+/// Share of the poses that must have an answer.
 const ANSWERED: f64 = 0.9;
 
-/// Whether enough poses were answered.
+/// Whether enough poses have an answer.
 pub(super) fn answered(run: &Run, task: &Task) -> bool {
     run.answers.len() as f64 >= ANSWERED * task.readings.len() as f64
 }
 
-/// A run of a scene over a recording, on its own cloud or on that for other regions.
+/// Runs a scene over a recording, on its own cloud or on the cloud for other regions.
 pub(super) fn run(
     scene: &Scene,
     regions: Option<&[Region]>,
@@ -23,14 +23,16 @@ pub(super) fn run(
     measured: &ForceSeries,
     watch: &mut dyn Watch,
 ) -> Result<Run, CalibrateError> {
-    let built = regions.map_or_else(|| compare::build(scene), |regions| compare::build_on(scene, regions));
-    let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
-    let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
-    let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);
-    if watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
+    let session = match regions {
+        None => Session::new(scene, "calibrate", Keep::ANSWERS),
+        Some(regions) => Session::on_cloud_of(scene, regions, "calibrate", Keep::ANSWERS),
+    };
+    let session = session.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
+    let run = session.compared_with(measured).run(readings.iter().copied(), watch).run;
+    if watch.cancel().is_cancelled() { Err(CalibrateError::Interrupted) } else { Ok(run) }
 }
 
-/// The force along a run; `None` where the instrument doesn't go into the sample.
+/// The force along a run; `None` if the instrument does not enter the sample.
 pub(super) fn path_of(run: &Run) -> Option<ForcePath> {
     let column = |of: fn(&Answer) -> f64| run.answers.iter().map(of).collect();
     ForcePath::new(column(|a| a.time_s), column(|a| a.depth_m), column(|a| a.predicted_n))

@@ -1,4 +1,4 @@
-//! What was found on one recording, held against another.
+//! Applies the values identified on one recording to another.
 
 use super::{CalibrateError, Calibration, carried, paths, rmse};
 use crate::compare::{Run, Watch};
@@ -6,29 +6,30 @@ use needle_core::scene::Scene;
 use needle_core::twin::Phase;
 use needle_recording::{ForceSeries, Reading};
 
-/// Another recording, predicted with the values found and without them.
+/// Another recording, predicted with the identified values and without them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// What was measured.
+    /// Source of the measurement.
     pub source: String,
     /// Name of its scene.
     pub scene: String,
-    /// Fitted keys that its scene has.
+    /// Identified keys that its scene has.
     pub carried: Vec<String>,
-    /// Fitted keys that it doesn't have.
+    /// Identified keys that it does not have.
     pub left: Vec<String>,
-    /// The load cell's own zero: mean of its readings before the first contact, N; 0 without such readings.
+    /// The load cell's zero in this recording: mean of its readings before the first contact, N. 0 without such
+    /// readings.
     pub offset_n: f64,
-    /// Largest measured force less the zero, N.
+    /// Largest measured force minus the zero, N.
     pub peak_n: f64,
-    /// Root mean square of predicted - measured with the values found, N.
+    /// Root mean square of predicted - measured with the identified values, N.
     pub rmse_n: f64,
     /// The same with the scene's own values, N.
     pub rmse_before_n: f64,
 }
 
-/// Runs another scene over its recording, with the values found and without. Nothing of that recording is fitted but
-/// the load cell's zero.
+/// Runs another scene over its recording, with the identified values and without. Only the load cell's zero is fitted
+/// to that recording.
 ///
 /// # Errors
 /// [`CalibrateError`] if the scene can't be run, or the recording has no force.

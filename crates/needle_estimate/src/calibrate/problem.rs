@@ -1,7 +1,8 @@
-//! The least-squares problem of a recording: each evaluation is a run of the twin, or the last run made use of.
+//! The least-squares problem of a recording. An evaluation is a run of the twin, or reuses the last run.
 //!
-//! The force is proportional to the shear modulus, and the same curve read elsewhere for other shifts of contact and clock
-//! (`compare::path`): these cost no run, but where the contact has moved by more than [`NEAR_M`].
+//! The last run is reused without a new one in two cases (`compare::path`). For another shear modulus the force is
+//! proportional to it. For another shift of contact or clock it is the same curve at other arguments, unless the
+//! contact has moved by more than [`NEAR_M`].
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,19 +17,19 @@ use crate::compare::rows::{Rows, at_rest};
 use crate::compare::{Answer, Depths, Run, Watch, least_squares::Problem};
 use needle_core::scene::Override;
 
-/// Pressures whose ratio changes by less than this keep it.
+/// Relative change of the ratio of pressures below which the ratio counts as constant.
 const SAME_RATIO: f64 = 1e-12;
-/// Shift of the contact, m, within which the last run's own slope says what it does.
+/// Largest shift of the contact, m, for which the slope of the last run's force gives the effect.
 const NEAR_M: f64 = 2e-5;
-/// A key whose doubling changes the force by less than this share of it has no effect: what is left is rounding.
+/// A key whose doubling changes the force by less than this relative amount has no effect: the change is rounding.
 const NO_EFFECT: f64 = 1e-3;
-/// A run that is made use of again.
+/// A run that is reused.
 pub(super) struct Kept {
-    /// Values of the unknowns that it was made with.
+    /// Values of the unknowns of that run.
     pub x: Vec<f64>,
-    /// Of the force against the axis, then of those across it.
+    /// Force against the axis, then across it.
     pub paths: Vec<ForcePath>,
-    /// Regions that the tip was in.
+    /// Regions of the tip.
     pub regions: Vec<Depths>,
 }
 
@@ -38,22 +39,22 @@ pub(super) struct Recorded<'a> {
     pub(super) watch: &'a mut dyn Watch,
     pub(super) tell: &'a mut dyn FnMut(&str),
     pub(super) common: Common,
-    /// Of the rows.
+    /// Fitted and held-out rows.
     parts: Parts,
-    /// Rows that are fitted: those of the part, less what was left out.
+    /// Fitted rows: those of the fitted part without the spikes.
     pub(super) fitted: Vec<usize>,
     /// Time, depth, measured and first predicted force of each row.
     pub(super) forces: Forces,
-    /// What was measured across the axis at the rows, and whether the model has it.
+    /// Measured components across the axis at the rows, and whether the model predicts them.
     pub(super) across: Vec<Component>,
     pub(super) vectors: bool,
     pub(super) runs: u32,
-    /// Keys that take the value of an unknown: the key, and its index.
+    /// Keys that take the value of an unknown: the key, and the unknown's index.
     tied: Vec<(&'static str, usize)>,
-    /// Which of the unknowns are pressures to which, together, the force is proportional; empty where it is not.
+    /// The unknowns that are pressures, if the force is proportional to all of them together; otherwise empty.
     pub(super) pressures: Vec<usize>,
     pub(super) kept: Option<Kept>,
-    /// Poses that the last run refused.
+    /// Number of poses that the last run refused.
     pub(super) refused: usize,
 }
 
@@ -86,7 +87,7 @@ impl<'a> Recorded<'a> {
     /// Takes the readings to fit from the first run.
     pub fn take(&mut self, first: &Run, clock_s: f64) -> Result<(), CalibrateError> {
         let path = path_of(first).ok_or(CalibrateError::NoContact)?;
-        // what swings in the run's time is seen later by a force that is late
+        // with a late force, an oscillation at a time of the run appears later in the measured readings
         let swings: Vec<bool> = at_rest(&first.answers).iter().map(|at_rest| !at_rest).collect();
         let swung = |time_s: f64| swings[first.answers.partition_point(|a| a.time_s < time_s).min(swings.len() - 1)];
         let usable = |a: &Answer| {
@@ -124,7 +125,7 @@ impl<'a> Recorded<'a> {
         Ok(())
     }
 
-    /// Changes of the scene to the keys' values.
+    /// The keys' values as changes of the scene.
     pub fn changes(&self, x: &[f64]) -> Vec<Override> {
         let keys = self.sought.iter().zip(x).filter_map(|(s, value)| match s {
             Sought::Key(key) => Some(Override::typed(key, *value, "--fit")),
@@ -148,23 +149,23 @@ impl<'a> Recorded<'a> {
         &self.parts
     }
 
-    /// Poses that the twin refused in the last run.
+    /// Number of poses that the twin refused in the last run.
     pub const fn refused(&self) -> usize {
         self.refused
     }
 
-    /// Runs of the twin so far.
+    /// Number of runs of the twin so far.
     pub const fn runs(&self) -> u32 {
         self.runs
     }
 
-    /// What to say if the scene runs as it is, but not with the keys at the start of their search.
+    /// The error if the scene runs with its own values, but not with the start values of the search.
     pub fn beyond_start(&self) -> CalibrateError {
         let keys: Vec<&str> = self.task.wanted.iter().map(|w| w.key.as_str()).collect();
         CalibrateError::Diverged(format!("with {} near the start of the search", keys.join(", ")))
     }
 
-    /// All forces, those with the values x among them, from a run with just these values.
+    /// All forces, including those for the values x. The last run must have been made with these values.
     pub fn forces(&mut self, x: &[f64]) -> Result<Forces, CalibrateError> {
         if self.kept.as_ref().is_none_or(|kept| kept.x != x) {
             self.kept = None;
@@ -174,7 +175,7 @@ impl<'a> Recorded<'a> {
         Ok(Forces { model_n, fitted_n, ..self.forces.clone() })
     }
 
-    /// The fitted rows, for the verdict on them and for their alignment with the last run.
+    /// The fitted rows, for the verdict and for the alignment with the last run.
     pub fn rows(&self, forces: &Forces, predicted_n: &[f64], x: &[f64]) -> Rows {
         let of = |column: &[f64]| -> Vec<f64> { self.fitted.iter().map(|&i| column[i]).collect() };
         let measured = self.fitted.iter().map(|&i| forces.measured_n[i] - self.added(x, forces.time_s[i]));
@@ -195,22 +196,22 @@ impl<'a> Recorded<'a> {
         self.kept.as_ref().map(|kept| &kept.paths[0])
     }
 
-    /// Regions that the tip was in during the last run.
+    /// Regions of the tip during the last run.
     pub fn regions(&self) -> &[Depths] {
         self.kept.as_ref().map_or(&[], |kept| &kept.regions)
     }
 
-    /// Value of an unknown that may not be sought; 0 then.
+    /// Value of an unknown; 0 if it is not sought.
     pub fn value(&self, x: &[f64], of: &Sought) -> f64 {
         self.sought.iter().position(|s| s == of).map_or(0.0, |k| x[k])
     }
 
-    /// What the load cell adds at a time, with the unknowns x.
+    /// What the load cell adds to the reading at a time, for the unknowns x.
     pub(super) fn added(&self, x: &[f64], time_s: f64) -> f64 {
         self.sought.iter().zip(x).map(|(s, value)| value * s.added(time_s)).sum()
     }
 
-    /// The factor by which all pressures differ from those of the last run; `None` where they don't by one.
+    /// The common factor of all pressures relative to the last run; `None` if there is no common factor.
     fn factor(&self, x: &[f64], kept: &Kept) -> Option<f64> {
         let Some(&first) = self.pressures.iter().find(|&&k| kept.x[k] != 0.0) else { return Some(1.0) };
         let factor = x[first] / kept.x[first];
@@ -218,7 +219,8 @@ impl<'a> Recorded<'a> {
         self.pressures.iter().all(alike).then_some(factor)
     }
 
-    /// How the last run's force follows for other values: its factor and the shift of the contact from it; `None` where it can't.
+    /// How the force for other values follows from the last run: a factor and the shift of the contact. `None` if a
+    /// new run is needed.
     fn relative_to_kept(&self, x: &[f64]) -> Option<(f64, f64)> {
         let kept = self.kept.as_ref()?;
         let factor = self.factor(x, kept)?;
@@ -233,7 +235,7 @@ impl<'a> Recorded<'a> {
         (shift.abs() <= NEAR_M).then_some((factor, shift))
     }
 
-    /// Predicted force at every row; `None` where the scene can't be, diverges or refuses poses.
+    /// Predicted force at every row; `None` if the scene is not valid, diverges or refuses poses.
     pub(super) fn predicted(&mut self, x: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
         Ok(self.all_predicted(x)?.map(|mut all| all.swap_remove(0)))
     }
@@ -253,7 +255,7 @@ impl<'a> Recorded<'a> {
         Ok(self.kept.as_ref().map(|kept| kept.paths.iter().map(all).collect()))
     }
 
-    /// The fitted rows of the forces against the axis and, where they are fitted, across it, N, and their depths, m.
+    /// Forces at the fitted rows against the axis and, if they are fitted, across it, N; and their depths, m.
     pub fn all_fitted(&mut self, x: &[f64]) -> Result<(Vec<f64>, Vec<f64>), CalibrateError> {
         let mut all = self.all_predicted(x)?.unwrap_or_default();
         all.truncate(1 + self.across_fitted().len());
@@ -262,7 +264,7 @@ impl<'a> Recorded<'a> {
         Ok((force, depth))
     }
 
-    /// Derivative of the fitted rows' force by one unknown that needs no run.
+    /// Derivative of the fitted rows' force by an unknown that needs no run; `None` otherwise.
     fn derivative(&self, x: &[f64], k: usize, force: &[f64]) -> Option<Vec<f64>> {
         let (kept, (factor, shift)) = (self.kept.as_ref()?, self.relative_to_kept(x)?);
         let clock = self.value(x, &Sought::Clock);
@@ -275,7 +277,7 @@ impl<'a> Recorded<'a> {
             Sought::Key(_) => return None,
             Sought::Contact => each(&|path, t| -factor * path.stiffness(t - clock, shift)),
             Sought::Clock => each(&|path, t| -factor * path.rate(t - clock, shift)),
-            // what it adds across the axis is taken off
+            // the contributions across the axis are projected out
             added => times().map(|t| added.added(t)).chain(vec![0.0; force.len() - self.fitted.len()]).collect(),
         })
     }
@@ -300,7 +302,7 @@ impl Problem for Recorded<'_> {
         let force: Vec<f64> = self.all_measured(x).iter().zip(r).map(|(m, r)| r + m).collect();
         let whole = force.iter().map(|f| f * f).sum::<f64>().sqrt();
         let mut jacobian = DMatrix::zeros(force.len(), x.len());
-        // the force is homogeneous in the pressures: the largest one's derivative follows from the others' (Euler)
+        // the force is homogeneous in the pressures: the derivative by the largest follows from the others' (Euler)
         let largest = self.pressures.iter().copied().max_by(|&a, &b| x[a].abs().total_cmp(&x[b].abs()));
         let last = largest.filter(|_| self.pressures.len() > 1);
         for k in (0..x.len()).filter(|k| Some(*k) != last).chain(last) {

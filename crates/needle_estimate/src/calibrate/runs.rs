@@ -1,9 +1,11 @@
-//! Runs of the twin with trial values, and derivatives by differences of two.
+//! Runs of the twin with trial values, and derivatives by finite differences of two runs.
 //!
-//! Derivatives by a layer's depth or modulus have to stand out from what two runs differ by. So where such a key is sought, all runs are on
-//! one cloud, whose nodes move with the interfaces ([`Twin::on_cloud_of`]); once the search has come to rest far from where that was
-//! made, another is made there and the search goes on. And they take the same steps: how many a pose is worth is a whole number that the
-//! twin finds as it goes, and by which two runs at a tolerance of 0.01 differ by up to 1 % of the force (docs/lab/layers.md).
+//! The derivative by a layer's depth or modulus must exceed the difference that discretisation makes between two
+//! runs. So if such a key is sought, all runs use one cloud whose nodes move with the interfaces
+//! ([`Twin::on_cloud_of`]). If the search converges far from the values that the cloud was made for, a new cloud is
+//! made there and the search continues. All runs also take the same steps. The twin normally chooses the number of
+//! steps of a pose as it goes, a whole number. At a tolerance of 0.01 that alone changes the force by up to 1 %
+//! between two runs (docs/lab/layers.md).
 
 use super::CalibrateError;
 use super::paths::{answered, paths_of, run};
@@ -14,24 +16,24 @@ use needle_core::scene::{Region, Scene};
 use needle_core::twin::Twin;
 use needle_recording::{At, Reading};
 
-/// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
-/// is small against the steps of the search.
+/// Relative change of a key for its finite difference. It is far above the rounding of single precision. The
+/// curvature within it is small compared with the steps of the search.
 const DIFFERENCE: f64 = 0.01;
-/// The same of a region's depth or modulus.
+/// The same for a region's depth or modulus.
 const DIFFERENCE_OF_REGIONS: f64 = 0.05;
-/// The same where each value has a cloud of its own: two of them differ by up to a per cent of the force.
+/// The same if each value has a cloud of its own: the forces on two clouds differ by up to a per cent.
 const DIFFERENCE_OF_CLOUDS: f64 = 0.1;
-/// Least number of steps of a pose over the mean of those that the first run took in contact, where a key of a region is sought.
+/// Least number of steps of a pose if a key of a region is sought, over the mean number in contact in the first run.
 const STEADY: f64 = 2.0;
-/// A layer this many times as thick or thin as the cloud was made for gets another.
+/// Ratio of a layer's thickness to that of the cloud from which on a new cloud is made.
 const REMADE: f64 = 1.1;
 
-/// What all runs have in common where a key of a region or its material is sought.
+/// What all runs share if a key of a region or its material is sought.
 pub(super) struct Common {
     of_regions: bool,
-    /// Regions for which the cloud was made; `None`: each run has its own.
+    /// Regions for which the cloud was made; `None`: each run has its own cloud.
     made_for: Option<Vec<Region>>,
-    /// Least number of steps of a pose in motion; `None`: as many as it is worth.
+    /// Least number of steps of a pose in motion; `None`: chosen by the twin.
     steps: Option<u32>,
 }
 
@@ -42,7 +44,8 @@ impl Common {
         Self { of_regions, made_for: moves.then(|| scene.regions.clone()), steps: None }
     }
 
-    /// The scene as it is run: more steps are for the first poses alone, where contact begins with an impulse.
+    /// The scene as it is run, with the least number of steps raised. Only the first poses, where contact begins with
+    /// an impulse, take more steps than that.
     pub fn posed(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         let stepping = &mut scene.stepping;
@@ -53,13 +56,13 @@ impl Common {
 }
 
 impl Recorded<'_> {
-    /// The first key for whose values clouds are made that have nothing to do with each other.
+    /// The first key for whose values unrelated clouds are made.
     pub fn of_many_clouds(&self) -> Option<&str> {
         let shapes = self.sought.iter().map(Sought::name).find(|name| name.starts_with("regions."));
         shapes.filter(|_| self.common.made_for.is_none())
     }
 
-    /// Whether further runs are to take other steps than the first, as they do from then on.
+    /// Whether further runs take other steps than the first. If so, they do from then on.
     pub fn makes_steady(&mut self, first: &Run) -> bool {
         let touching = first.answers.iter().filter(|a| a.predicted_n != 0.0 && a.steps > 0);
         let (steps, poses) = touching.fold((0.0, 0.0), |(s, n), a| (s + f64::from(a.steps), n + 1.0));
@@ -69,7 +72,8 @@ impl Recorded<'_> {
         self.common.steps.is_some()
     }
 
-    /// Whether layers with the values x are so far from those that the cloud was made for that another is: from then on it is.
+    /// Whether the layers for the values x are so far from those of the cloud that a new one is needed. If so, it is
+    /// used from then on.
     pub fn makes_anew(&mut self, x: &[f64]) -> Result<bool, CalibrateError> {
         let scene = self.task.scene.with(&self.changes(x))?;
         let Some(made_for) = &mut self.common.made_for else { return Ok(false) };
@@ -103,7 +107,7 @@ impl Recorded<'_> {
         Ok(run)
     }
 
-    /// A run with the values x.
+    /// Runs the twin with the values x.
     pub(super) fn run_with(&mut self, x: &[f64]) -> Result<Option<Kept>, CalibrateError> {
         let values = self.sought.iter().zip(x).filter(|(s, _)| matches!(s, Sought::Key(_) | Sought::Contact));
         let values: Vec<String> = values.map(|(s, v)| format!("{} = {v:.6}", s.name())).collect();
@@ -117,7 +121,8 @@ impl Recorded<'_> {
         Ok(paths.map(|paths| Kept { x: x.to_vec(), paths, regions: run.regions_over_depth() }))
     }
 
-    /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
+    /// Derivative of the fitted rows' force by one key, from a second run. If the scene is invalid on one side, the
+    /// difference is taken on the other.
     pub(super) fn difference(
         &mut self,
         x: &[f64],
@@ -129,7 +134,7 @@ impl Recorded<'_> {
             true => DIFFERENCE_OF_CLOUDS,
             false => DIFFERENCE,
         };
-        // a pressure that is small against the others is changed as they are
+        // a pressure that is small relative to the others is changed by as much as they are
         let alike = self.pressures.iter().filter(|_| self.pressures.contains(&k)).map(|&p| x[p].abs());
         let size = share * Some(alike.fold(x[k].abs(), f64::max)).filter(|size| *size > 0.0).unwrap_or(1.0);
         for change in [size, -size] {

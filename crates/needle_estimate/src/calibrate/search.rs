@@ -7,13 +7,13 @@ use crate::compare::alignment::{Alignment, align};
 use crate::compare::rows::Rows;
 use crate::compare::{Run, least_squares};
 
-/// Clouds that are made after the first, where the layers' depths are found to be far from the start's.
+/// Largest number of clouds after the first; a new one is made if the layers' depths are far from the start.
 const MOST_CLOUDS: usize = 3;
 
-/// Where the search of one recording ended.
+/// The end of the search of one recording.
 pub(super) struct Searched {
     pub unknowns: Vec<least_squares::Unknown>,
-    /// Where it began.
+    /// Start values.
     pub begun: Vec<f64>,
     pub solution: least_squares::Solution,
     pub realigned: [bool; 2],
@@ -53,7 +53,7 @@ pub(super) fn search(problem: &mut Recorded, task: &Task) -> Result<Searched, Ca
             solution = again(problem, &unknowns, &solution)?;
         }
     }
-    // with a force of the right shape the alignment is seen more clearly
+    // with a force of the right shape the alignment is more accurate
     let seen = aligned(problem, &solution.x)?;
     if let Some(found) = &seen {
         let off = [realigned[0] || found.contact_is_off(), realigned[1] || found.clock_is_off()];
@@ -72,7 +72,7 @@ pub(super) fn search(problem: &mut Recorded, task: &Task) -> Result<Searched, Ca
     Ok(Searched { unknowns, begun, solution, realigned, left_out })
 }
 
-/// Readings of a run that are fitted: what was held out is not looked at.
+/// Readings of a run that are fitted. Held-out readings are not used.
 fn rows_of(task: &Task, run: &Run) -> Rows {
     let rows = Rows::of(run);
     let fitted = &run.answers[Parts::of(run, task.part).fitted];
@@ -91,7 +91,7 @@ fn rows_of(task: &Task, run: &Run) -> Rows {
     }
 }
 
-/// Searches on.
+/// Continues the search.
 fn again(
     problem: &mut Recorded,
     unknowns: &[least_squares::Unknown],
@@ -107,7 +107,7 @@ fn starts(found: &Alignment, realigned: [bool; 2]) -> [f64; 2] {
     [at(realigned[0], found.contact_depth_m.value), at(realigned[1], found.time_offset_s.value)]
 }
 
-/// Seeks what is off of the alignment as well, from where it was seen.
+/// Adds the shifts that are significant to the unknowns, starting from their estimates.
 fn add(
     problem: &mut Recorded,
     unknowns: &mut Vec<least_squares::Unknown>,
@@ -130,13 +130,13 @@ fn add(
     Ok(())
 }
 
-/// How the recording lies to the model with the values x: that of the last run, and the shifts in it.
+/// Alignment of the recording with the model at the values x: that of the last run plus the shifts that it contains.
 pub(super) fn aligned(problem: &mut Recorded, x: &[f64]) -> Result<Option<Alignment>, CalibrateError> {
     let forces = problem.forces(x)?;
     let rows: Rows = problem.rows(&forces, &forces.model_n, x);
     let clock = problem.value(x, &Sought::Clock);
     let Some(path) = problem.path() else { return Ok(None) };
-    // the run has the contact's shift in its depths; of the clock the readings are freed here
+    // the depths of the run already contain the contact shift; the clock shift is removed from the readings here
     let rows = Rows { time_s: rows.time_s.iter().map(|t| t - clock).collect(), ..rows };
     let zero =
         x[..].iter().zip(&problem.sought).find(|(_, s)| matches!(s, Sought::Zero { .. })).map_or(0.0, |(x, _)| *x);

@@ -1,16 +1,17 @@
-//! Readings that are no part of any model.
+//! Outliers that no model explains.
 
 use super::problem::Recorded;
 
-/// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
+/// A residual whose size exceeds this multiple of the median size is a spike (for normal noise: six standard
+/// deviations).
 const SPIKE: f64 = 9.0;
 /// Largest share of the readings that may be spikes.
 const MOST_LEFT_OUT: f64 = 0.02;
 
 impl Recorded<'_> {
-    /// Leaves out the rows whose residuals are far from all others; gives how many. A spike of a few readings (a bond that lets
-    /// go, a knock) is no part of the model and would pull at every value. Where many are far off the model is wrong, and
-    /// nothing is left out.
+    /// Excludes the rows whose residuals are outliers, and returns their number. A spike of a few readings (a bond
+    /// that releases, a knock) is not part of the model and would bias every value. If many readings are outliers the
+    /// model is wrong, and none is excluded.
     pub fn leave_out(&mut self, residuals: &[f64]) -> usize {
         let components: Vec<&[f64]> = residuals.chunks_exact(self.fitted.len()).collect();
         let most = |residuals: &&[f64]| {

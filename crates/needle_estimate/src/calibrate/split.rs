@@ -1,4 +1,4 @@
-//! Which part of a recording is fitted, and which is held out to be predicted.
+//! Splits a recording into a fitted part and a held-out part that is predicted.
 
 use std::ops::Range;
 
@@ -7,27 +7,27 @@ use crate::compare::Run;
 /// Which part is fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldOut {
-    /// All of it.
+    /// All of the recording.
     Nothing,
-    /// Everything up to the end of the hold: the way out is neither fitted nor predicted.
+    /// Everything up to the end of the hold. The retraction is neither fitted nor predicted.
     Retraction,
-    /// Up to half of the deepest depth; the rest of the insertion is predicted.
+    /// Up to half of the largest depth. The rest of the insertion is predicted.
     Half,
-    /// Up to the first pose beyond this recorded depth, m; the rest of the insertion is predicted.
+    /// Up to the first pose beyond this recorded depth, m. The rest of the insertion is predicted.
     Beyond(f64),
 }
 
-/// Indices of answers.
+/// Index ranges of answers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parts {
-    /// Those that are fitted.
+    /// The fitted part.
     pub fitted: Range<usize>,
-    /// Those that are predicted from the fit.
+    /// The part that is predicted from the fit.
     pub held_out: Option<Range<usize>>,
 }
 
 impl Parts {
-    /// Parts of a run, from its depths alone.
+    /// Splits a run by its depths alone.
     pub(super) fn of(run: &Run, hold_out: HoldOut) -> Self {
         let legs = run.legs();
         match hold_out {

@@ -1,4 +1,4 @@
-//! Where the search of a recording begins: the nearer, the fewer runs.
+//! Start values of the search. A start close to the solution saves runs.
 
 use super::CalibrateError;
 use super::paths::{answered, paths_of};
@@ -6,11 +6,11 @@ use super::problem::{Kept, Recorded};
 use super::unknown::Sought;
 use crate::compare::{Run, least_squares::Unknown};
 
-/// A size within this of 1, as a logarithm, is no matter of the start.
+/// A factor whose logarithm is below this leaves the start as it is.
 const NEAR_SIZE: f64 = 0.2;
 
 impl Recorded<'_> {
-    /// Runs the scene as it is, over the motion as it was recorded but for a shift of the contact.
+    /// Runs the scene with its own values over the recorded motion, with the contact shifted.
     pub fn first(&mut self, contact_m: f64) -> Result<Run, CalibrateError> {
         let run = self.run(self.task.scene, contact_m)?;
         match run.diverged {
@@ -19,7 +19,7 @@ impl Recorded<'_> {
         }
     }
 
-    /// Seeks a shift of the recording as well: the last run was made without one.
+    /// Adds a shift of the recording to the unknowns. The last run was made without one.
     pub fn seek(&mut self, shift: Sought) {
         self.sought.push(shift);
         if let Some(kept) = &mut self.kept {
@@ -27,7 +27,7 @@ impl Recorded<'_> {
         }
     }
 
-    /// Keeps the first run, of the scene as it is, where the search begins with its values and the contact where that run had it.
+    /// Keeps the first run for reuse, if the search starts with the scene's own values and the contact of that run.
     pub fn keep(&mut self, first: &Run, contact_m: f64) {
         let at = |sought: &Sought| match sought {
             Sought::Key(key) => self.task.scene.get(key)?.as_list()?.first().copied(),
@@ -43,8 +43,8 @@ impl Recorded<'_> {
         });
     }
 
-    /// Begins the search at that point of the table which, with pressures of the right size, leaves the least: friction and exponents have
-    /// more than one valley.
+    /// Starts the search at the point of the table with the smallest residual after scaling the pressures. Friction
+    /// and exponents can have several local minima.
     pub fn begin_in_table(&mut self, unknowns: &mut [Unknown]) -> Result<(), CalibrateError> {
         let Some(table) = self.task.table else { return Ok(()) };
         let mut best: Option<(f64, Vec<f64>)> = None;
@@ -74,7 +74,8 @@ impl Recorded<'_> {
         Ok(())
     }
 
-    /// Begins the search with pressures of the size that the first run's force lacks; near it they stay.
+    /// Scales the start values of the pressures by the factor that the first run's force lacks. A factor near 1
+    /// leaves them as they are.
     pub fn begin_at_size(&self, size: f64, unknowns: &mut [Unknown]) {
         if !size.is_finite() || size <= 0.0 || size.ln().abs() < NEAR_SIZE {
             return;

@@ -1,10 +1,10 @@
-//! What is to be found from what.
+//! The input of a calibration.
 
 use super::{CurveTable, HoldOut};
 use needle_core::scene::Scene;
 use needle_recording::{ForceSeries, Reading};
 
-/// A key that is to be found, and between which values.
+/// A key to identify, with bounds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
     /// Dotted path.
@@ -14,7 +14,7 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// From `KEY` or `KEY=LOW..HIGH`.
+    /// Parses `KEY` or `KEY=LOW..HIGH`.
     ///
     /// # Errors
     /// What is wrong with the bounds.
@@ -29,16 +29,17 @@ impl Wanted {
     }
 }
 
-/// What of the load cell is estimated alongside.
+/// Which parameters of the load cell are estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadCell {
-    /// Nothing: its readings are taken as they are.
+    /// None: its readings are taken as exact.
     Exact,
-    /// Reading without load.
+    /// The reading without load.
     Offset,
-    /// The same, and its change with time.
+    /// The reading without load, and its change with time.
     Drift,
-    /// The same, unless the recording can't tell the change with time from what is sought: then the reading without load alone.
+    /// As [`LoadCell::Drift`], unless the recording can't distinguish the drift from the unknowns. Then only the
+    /// reading without load.
     Auto,
 }
 
@@ -53,25 +54,25 @@ impl LoadCell {
     }
 }
 
-/// What is to be found from what.
+/// The input of a calibration.
 #[derive(Clone, Debug)]
 pub struct Task<'a> {
-    /// The scene; its own values are where the search begins. What its `[align]` says is taken out of the recording already
-    /// ([`needle_recording::Recording::aligned`]), and what is found is added to it.
+    /// The scene; its values are the start of the search. The recording must already be corrected by the scene's
+    /// `[align]` ([`needle_recording::Recording::aligned`]); further corrections found are added to it.
     pub scene: &'a Scene,
     /// The recorded motion.
     pub readings: &'a [Reading],
     /// The recorded force.
     pub measured: &'a ForceSeries,
-    /// The keys.
+    /// The keys to identify.
     pub wanted: &'a [Wanted],
-    /// What of the load cell is estimated.
+    /// Which parameters of the load cell are estimated.
     pub load_cell: LoadCell,
-    /// Relative standard uncertainty of the force, from errors of discretisation and load cell that no number of readings
-    /// reduces.
+    /// Relative standard uncertainty of the force, from errors of discretisation and load cell that no number of
+    /// readings reduces.
     pub force_error: f64,
     /// Which part of the recording is fitted.
     pub part: HoldOut,
-    /// Where the force is read in place of runs of the twin.
+    /// Table that replaces runs of the twin.
     pub table: Option<&'a CurveTable>,
 }

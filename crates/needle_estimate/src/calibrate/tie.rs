@@ -1,10 +1,10 @@
-//! Keys that go together: equal ones stay equal, and the force is proportional to all pressures of a law at once.
+//! Coupled keys: keys that are equal stay equal, and the force is proportional to all pressures of a law together.
 
 use super::unknown::Sought;
 use needle_core::scene::Scene;
 
-/// All pressures of a law: the force is proportional to them taken together (quasi-static, Poisson's ratio fixed), so a change of all by
-/// one factor needs no run. The second is a list, of one where it is sought.
+/// All pressures of a law. The force is proportional to them together (quasi-static, Poisson's ratio fixed), so a
+/// change of all by one factor needs no run. The second is a list, with a single element if it is sought.
 const PRESSURES: [&str; 6] = [
     "material.shear_modulus_pa",
     "material.ogden_shear_moduli_pa",
@@ -14,14 +14,15 @@ const PRESSURES: [&str; 6] = [
     "material.c30_pa",
 ];
 
-/// The keys that go with unknowns, with the indices of these.
+/// The keys coupled to unknowns, with the indices of these.
 pub(super) fn tied(scene: &Scene, sought: &[Sought]) -> Vec<(&'static str, usize)> {
     let of = |(k, s): (usize, &Sought)| scene.tied_to(s.name()).map(|key| (key, k));
     let alone = |key: &str| sought.iter().all(|s| s.name() != key);
     sought.iter().enumerate().filter_map(of).filter(|(key, _)| alone(key)).collect()
 }
 
-/// The unknowns that are pressures, if they are all that the scene's law has. The modulus of one of several regions is not.
+/// The unknowns that are pressures, if they are all pressures of the scene's law. The modulus of one of several
+/// regions is not.
 pub(super) fn pressures(scene: &Scene, sought: &[Sought]) -> Vec<usize> {
     let place = |key: &str| sought.iter().position(|s| matches!(s, Sought::Key(own) if own == key));
     let zero = |key: &str| scene.get(key).and_then(|v| v.as_list()).is_none_or(|list| list.iter().all(|x| *x == 0.0));

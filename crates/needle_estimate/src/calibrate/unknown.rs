@@ -1,31 +1,32 @@
-//! What is searched for: keys of the scene, what the load cell adds, and how the recording lies to the model.
+//! The unknowns of a search: keys of the scene, parameters of the load cell, and alignment of the recording with the
+//! model.
 
 use super::{CalibrateError, LoadCell, Wanted};
 use crate::compare::least_squares;
 use needle_core::scene::{Align, Kind, LARGEST_POISSON_RATIO, Scene, keys};
 
-/// Where a key's range has an end that isn't allowed, the search keeps this share of the start away from it.
+/// If an end of a key's range is excluded, the search stays away from it by this share of the start.
 const OFF_THE_END: f64 = 1e-3;
-/// Largest change of a key in one step, as a share of it.
+/// Largest relative change of a key in one step.
 const LARGEST_STEP: f64 = 0.5;
-/// Size of a key that starts at zero, over its bounds' distance.
+/// Scale of a key that starts at zero, over the distance of its bounds.
 const SIZE_AT_ZERO: f64 = 0.1;
-/// Sizes of a shift of the contact, m, and of the clock, s, and the largest step of each in these.
+/// Scale of a shift of the contact, m, and of the clock, s; and the largest step of each in multiples of it.
 const CONTACT: (f64, f64) = (1e-4, 5.0);
 const CLOCK: (f64, f64) = (1e-2, 20.0);
 
-/// A number that is searched for.
+/// An unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Sought {
     /// A key of the scene.
     Key(String),
     /// Recorded depth of the first contact, m.
     Contact,
-    /// How late the force's stamps are, s.
+    /// Delay of the force's stamps, s.
     Clock,
-    /// What the load cell reads without load, N; asked for as the recording's zero, or not.
+    /// Reading of the load cell without load, N. `asked`: requested as the recording's zero.
     Zero { asked: bool },
-    /// Change of that with time, N/s.
+    /// Change of the reading without load over time, N/s.
     Drift,
 }
 
@@ -34,11 +35,11 @@ pub(super) const CLOCK_KEY: &str = "align.time_offset_s";
 pub(super) const ZERO_KEY: &str = "align.force_zero_n";
 pub(super) const OFFSET_KEY: &str = "load_cell.offset_n";
 pub(super) const DRIFT_KEY: &str = "load_cell.drift_n_per_s";
-/// Keys of a recording that can be asked for.
+/// Keys of a recording that can be requested.
 const ALIGN: [&str; 3] = [CONTACT_KEY, CLOCK_KEY, ZERO_KEY];
 
 impl Sought {
-    /// What was asked for, then what the load cell adds.
+    /// The requested keys, then the load cell's parameters.
     pub fn all(wanted: &[Wanted], load_cell: LoadCell) -> Vec<Self> {
         let asked = |w: &Wanted| match w.key.as_str() {
             CONTACT_KEY => Self::Contact,
@@ -72,7 +73,7 @@ impl Sought {
         matches!(self, Self::Key(key) if key.starts_with("regions.") || key.starts_with("materials."))
     }
 
-    /// What one unit of it adds to the reading of a load cell at a time.
+    /// The change of a load cell's reading at a time for one unit of it.
     pub const fn added(&self, time_s: f64) -> f64 {
         match self {
             Self::Zero { .. } => 1.0,
@@ -81,7 +82,7 @@ impl Sought {
         }
     }
 
-    /// What the scene's `[align]` says of it; 0 of all else.
+    /// Its value in the scene's `[align]`; 0 for all other unknowns.
     pub fn aligned(&self, scene: &Scene) -> f64 {
         let align = scene.align.unwrap_or(Align::NONE);
         match self {
@@ -93,10 +94,10 @@ impl Sought {
         }
     }
 
-    /// Start, bounds and size of it.
+    /// Its start, bounds and scale.
     pub fn unknown(&self, scene: &Scene, wanted: &[Wanted]) -> Result<least_squares::Unknown, CalibrateError> {
         let bounds = wanted.iter().find(|w| w.key == self.name()).and_then(|w| w.bounds);
-        // what the scene says is out of the recording already
+        // the recording is already corrected by the scene's value
         let bounds = bounds.map(|bounds| bounds.map(|bound| bound - self.aligned(scene)));
         let free = |(scale, largest_step): (f64, f64)| {
             let bounds = bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
@@ -123,7 +124,7 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
     let refuse = |reason: String| CalibrateError::Key { key: name.to_owned(), reason };
     let key = keys::require(name, "to be found", "--fit")?;
     let value = scene.get(name);
-    // a list of one is a number: the constants of a law with a single term
+    // a list with one element is a number: the constants of a law with a single term
     let list = value.as_ref().and_then(|v| v.as_list()).filter(|list| list.len() == 1);
     let (range, start) = match key.kind {
         Kind::Real(range) => (range, value.and_then(|v| v.as_real())),
@@ -148,7 +149,7 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
     }
     let scale = match () {
         () if start != 0.0 => 0.01 * start.abs(),
-        // the bounds of a pressure say nothing of its size
+        // the bounds of a pressure give no scale
         () if name.starts_with("material.") && key.unit == "Pa" => 0.01 * scene.material.shear_modulus(),
         () => SIZE_AT_ZERO * (bounds[1] - bounds[0]),
     };

@@ -1,20 +1,26 @@
-//! Alignment of a recording with the model: the depth of first contact, the clock of the force against that of the position, the load
-//! cell's zero.
+//! Alignment of a recording with the model: the depth of first contact, the clock of the force against that of the
+//! position, the load cell's zero.
 //!
 //! ```text
 //! F_measured(t) = a F(d(t - tau) - c) + b + w t        c: contact depth, tau: time offset, b: zero, w: drift
 //! ```
 //!
-//! The size a is free here, so that a wrong modulus is not taken for a wrong alignment. A grid over c and tau gives the start
-//! (a, b and w follow from it by linear least squares), Gauss and Newton's steps the rest, all on the curve of one run (`path`).
-//! A law whose curve bends otherwise than the tissue's buys a better fit of the whole with a contact that is elsewhere, by millimetres and
-//! with a small standard error. So the contact is found a second time by the beginning of the force alone, where a wrong bend does little;
-//! where the two differ by more than noise, that of the beginning is taken, with their difference for its error (`steady`).
+//! The factor a is free, so that a wrong modulus is not mistaken for a wrong alignment. A grid over c and tau gives
+//! the start (a, b and w follow from it by linear least squares). Gauss-Newton steps refine it. Both use the force
+//! curve of one run (`path`).
 //!
-//! Where the load cell measured a vector and the model has one, the components across the axis are `beside`: same shifts and size, each its
-//! own zero and drift, weighted by its noise ([`super::components`]). They tell the clock of a needle that goes sideways at one depth.
+//! If the model's curve has another curvature than the tissue's, a wrong contact improves the overall fit. It can be
+//! off by millimetres, with a small standard error. So the contact is also estimated from the beginning of the force
+//! alone, where the curvature has little effect. If the two estimates differ by more than noise, the one from the
+//! beginning is used, with their difference as its error (`steady`).
 //!
-//! Errors are those of [`super::uncertainty`]. A motion of one speed can't tell c from tau: tau is taken as 0 then, without an error.
+//! If the load cell measured a vector and the model predicts one, the components across the axis are used too
+//! (`beside`). They share shifts and factor with the axial force. Each has its own zero and drift and is weighted by
+//! its noise ([`super::components`]). They determine the clock offset of a needle that moves laterally at constant
+//! depth.
+//!
+//! Errors are those of [`super::uncertainty`]. A motion at constant speed can't distinguish c from tau. Then tau is
+//! 0, without an error.
 
 mod problem;
 
@@ -26,22 +32,22 @@ use problem::{LINEAR, Problem, reach_m};
 
 pub use problem::Beside;
 
-/// Readings that the grid looks at, and the search.
+/// Number of readings used by the grid, and by the refinement.
 const GRID_ROWS: usize = 250;
 const SEARCH_ROWS: usize = 1500;
-/// Steps of the search.
+/// Iterations of the refinement.
 const ITERATIONS: usize = 12;
-/// A shift counts from so many standard errors on, and from so much on: of the contact in m, of the clock in s. Less is within what
-/// a displacement sensor and the interpolation of readings are off.
+/// A shift is significant if it exceeds this many standard errors, and also a tolerance: of the contact in m, of the
+/// clock in s. Smaller shifts are within the error of a displacement sensor and of the interpolation of readings.
 const SIGNIFICANT: f64 = 3.0;
 const TOLERANCE: [f64; 2] = [5e-5, 5e-3];
 
-/// A value and its standard error; without one the recording can't tell.
+/// A value and its standard error; no error if the recording can't determine the value.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Found {
     /// In its unit.
     pub value: f64,
-    /// The same unit.
+    /// Standard error in the same unit.
     pub error: Option<f64>,
 }
 
@@ -56,28 +62,28 @@ impl Found {
 pub struct Alignment {
     /// Recorded depth at which the instrument touches the sample, m.
     pub contact_depth_m: Found,
-    /// How late the force's stamps are against the position's, s.
+    /// Delay of the force's stamps against the position's, s.
     pub time_offset_s: Found,
-    /// What the load cell reads without load, N.
+    /// Reading of the load cell without load, N.
     pub force_zero_n: Found,
-    /// Size of the measured force over the predicted one.
+    /// Factor of the measured force over the predicted one.
     pub size: f64,
 }
 
 impl Alignment {
-    /// Whether the contact is elsewhere than recorded.
+    /// Whether the contact differs significantly from the recorded one.
     #[must_use]
     pub fn contact_is_off(&self) -> bool {
         self.contact_depth_m.is_off(TOLERANCE[0])
     }
 
-    /// Whether the clocks differ.
+    /// Whether the clocks differ significantly.
     #[must_use]
     pub fn clock_is_off(&self) -> bool {
         self.time_offset_s.is_off(TOLERANCE[1])
     }
 
-    /// What of it is off, with the remedy.
+    /// The significant deviations, each with a remedy.
     #[must_use]
     pub fn reasons(&self) -> Vec<String> {
         let mut reasons = Vec::new();
@@ -104,11 +110,11 @@ impl Alignment {
     }
 }
 
-/// Share of the peak force up to which the force begins, and fewest readings of that.
+/// Share of the peak force that defines the beginning of the force, and fewest readings of it.
 const BEGINNING: f64 = 0.25;
 const LEAST_READINGS: usize = 24;
 
-/// Aligns measured forces with a run's; `None` where there is no contact or too little is measured.
+/// Aligns measured forces with those of a run; `None` if there is no contact or too little is measured.
 #[must_use]
 pub fn align(path: &ForcePath, rows: &Rows, beside: &[Beside]) -> Option<Alignment> {
     let coarse = Problem::new(path, rows, beside, GRID_ROWS);
@@ -125,7 +131,7 @@ pub fn align(path: &ForcePath, rows: &Rows, beside: &[Beside]) -> Option<Alignme
     Some(steady(path, rows, found))
 }
 
-/// The readings of the way in before the force has passed [`BEGINNING`] of its peak.
+/// The readings of the insertion before the force exceeds [`BEGINNING`] of its peak.
 fn beginning(rows: &Rows, zero_n: f64) -> Option<Rows> {
     let least = BEGINNING * rows.peak_n();
     let end = rows.measured_n.iter().position(|m| m - zero_n > least).filter(|end| *end >= LEAST_READINGS)?;
@@ -139,7 +145,7 @@ fn beginning(rows: &Rows, zero_n: f64) -> Option<Rows> {
     })
 }
 
-/// The contact held against that of the force's beginning; see the module.
+/// Compares the contact with the estimate from the beginning of the force; see the module.
 fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
     let Found { value: whole, error: Some(_) } = found.contact_depth_m else { return found };
     let with = |contact: Found| Alignment { contact_depth_m: contact, ..found };
@@ -156,7 +162,7 @@ fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
     let Some(Found { value, error: Some(early_error) }) = early.map(|early| early.contact_depth_m) else {
         return found;
     };
-    // a zero that no reading before the contact tells stands for a contact
+    // without enough readings before the contact, the zero and the contact depth can't be separated
     let idle = rows.depth_m.iter().filter(|d| **d < whole.min(value)).count();
     if rows.known < 2 && idle < LEAST_READINGS {
         return with(Found { value: whole, error: None });
@@ -168,7 +174,7 @@ fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
     found
 }
 
-/// Gauss and Newton's steps, halved where they lead up; the clock's only if it is `timed`.
+/// Gauss-Newton steps, halved if they increase the residual. The clock offset is fixed unless `timed`.
 fn search(problem: &Problem, rows: &Rows, start: [f64; 2], timed: bool) -> Option<Alignment> {
     let mut at = start;
     let (mut linear, mut left) = problem.linear(at)?;
@@ -230,7 +236,7 @@ impl Run {
         self.alignment_of(Rows::of(self))
     }
 
-    /// The same by some of its readings.
+    /// The alignment from a subset of the readings.
     #[must_use]
     pub fn alignment_of(&self, rows: Rows) -> Option<Alignment> {
         if rows.is_empty() || rows.loaded(0.02).len() < 64 {
@@ -249,7 +255,7 @@ impl Run {
         align(&path, &rows, &self.beside(&rows))
     }
 
-    /// The components across the axis at the rows, where load cell and model have them.
+    /// The components across the axis at the rows, if load cell and model have them.
     fn beside(&self, rows: &Rows) -> Vec<Beside> {
         let at = |t: &f64| &self.answers[self.answers.partition_point(|a| a.time_s < *t).min(self.answers.len() - 1)];
         let answers: Vec<&Answer> = rows.time_s.iter().map(at).collect();
@@ -270,11 +276,11 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng as _;
     use rand_distr::{Distribution as _, StandardNormal};
 
-    /// A press to 9 mm at 1 mm/s, from `above_m` over the recorded surface.
+    /// An indentation to 9 mm at 1 mm/s, starting `above_m` over the recorded surface.
     struct Case {
         above_m: f64,
         contact_m: f64,
-        /// Powers of the depth that model and tissue go with.
+        /// Exponents of the force over the depth, of the model and of the tissue.
         powers: [f64; 2],
         known: usize,
         noise: f64,

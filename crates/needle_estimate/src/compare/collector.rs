@@ -1,4 +1,4 @@
-//! Puts a [`Run`] together, answer by answer. Offline runs and the live demo use the same one.
+//! Assembles a [`Run`] from its answers, for offline and live runs.
 
 use needle_core::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
@@ -6,25 +6,25 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
 use needle_core::twin::{Health, Prediction, Twin};
 
-/// Snapshots that a run of known length gets.
+/// Number of snapshots of a run whose length is known.
 const SNAPSHOTS: f64 = 48.0;
-/// When there are more than these, every second one is dropped.
+/// Above this number every second snapshot is dropped.
 const MOST_SNAPSHOTS: usize = 96;
-/// Snapshot interval to start with where the length is not known, s.
+/// First interval between snapshots if the length is not known, s.
 const FIRST_INTERVAL_S: f64 = 0.05;
 
-/// What a run keeps besides its answers.
+/// What a run keeps in addition to its answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Keep {
-    /// Whether fields (snapshots, final Jacobian and stress) are wanted: not computed where nobody takes them.
+    /// Whether fields (snapshots, final Jacobian and stress) are computed.
     pub fields: bool,
-    /// Length of the run, s, where it is known beforehand.
+    /// Length of the run, s, if it is known beforehand.
     pub duration_s: Option<f64>,
-    /// Time between two snapshots, s; `None`: some forty of the run.
+    /// Time between two snapshots, s; `None`: some forty per run.
     pub save_every_s: Option<f64>,
 }
 
-/// Puts a [`Run`] together.
+/// Assembles a [`Run`].
 pub struct Collector {
     run: Run,
     keep: Keep,
@@ -43,7 +43,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// Starts a run of a twin that has just been built or reset. `command` is the word for what runs (`replay`).
+    /// Starts a run of a twin that has just been built or reset. `command` is the name of the command (`replay`).
     #[must_use]
     pub fn new(twin: &Twin, command: &str, build_s: f64, keep: Keep) -> Self {
         let scene = twin.scene();
@@ -82,8 +82,8 @@ impl Collector {
         }
     }
 
-    /// Takes one prediction with what was measured at its time (force of the tissue on the instrument in frame
-    /// `sample`, N) and the wall time that it took. `axis` is the unit vector along the instrument, into the sample.
+    /// Adds one prediction with the force measured at its time (force of the tissue on the instrument in frame
+    /// `sample`, N) and its wall time. `axis` is the unit vector along the instrument, into the sample.
     pub fn answered(
         &mut self,
         twin: &Twin,
@@ -130,12 +130,12 @@ impl Collector {
         }));
     }
 
-    /// Says whether force and position were stamped by one clock.
+    /// Sets whether force and position were stamped by one clock.
     pub(super) const fn on_one_clock(&mut self, one_clock: bool) {
         self.run.one_clock = one_clock;
     }
 
-    /// Says of which times nothing was recorded, from and to, s.
+    /// Sets the intervals without recorded data, from and to, s.
     pub(super) fn over_holes(&mut self, holes: &[[f64; 2]]) {
         self.run.holes = holes.to_vec();
     }
@@ -146,13 +146,13 @@ impl Collector {
         self.run.min_jacobian = self.run.min_jacobian.min(health.min_jacobian);
         self.run.constraint_error_m = self.run.constraint_error_m.max(health.constraint_error_m);
         self.run.note_folds(prediction.depth_m, health.folded_energy);
-        // Both are forces of the tissue on what holds it: at rest they sum to zero.
+        // Both are forces of the tissue on its supports: in equilibrium they sum to zero.
         let unbalanced = std::array::from_fn(|k| prediction.base_force_n[k] + prediction.force_n[k]);
         self.imbalance_n = self.imbalance_n.max(norm(unbalanced));
         self.peak_n = self.peak_n.max(norm(prediction.force_n));
     }
 
-    /// Targets at every answer; the whole field now and then.
+    /// Stores the targets of every answer, and from time to time the whole field.
     fn observe(&mut self, twin: &Twin, answer: &Answer) {
         let (time_s, depth_m) = (answer.time_s, answer.depth_m);
         if !self.run.target_names.is_empty() {
@@ -161,7 +161,7 @@ impl Collector {
             self.run.targets.push(TargetRow { time_s, depth_m, positions });
         }
         let due = match self.run.snapshots.last() {
-            // stamps are not exact
+            // tolerance, since stamps are not exact
             Some(last) => time_s - last.time_s >= (1.0 - 1e-6) * self.snapshot_interval_s,
             None => true,
         };
@@ -185,7 +185,7 @@ impl Collector {
         }
     }
 
-    /// Counts a pose that the twin refused; the run says at its end how many and why the first.
+    /// Counts a pose that the twin refused. The run reports their number and the first reason.
     pub fn refused(&mut self, reason: &str) {
         self.refused += 1;
         if self.refused == 1 {
@@ -193,7 +193,7 @@ impl Collector {
         }
     }
 
-    /// Notes a pose that had no answer since the model had diverged; the run says why the first.
+    /// Notes that a pose had no answer because the model had diverged. The run reports the first reason.
     pub fn diverged(&mut self, reason: String) {
         self.unanswered += 1;
         self.run.diverged.get_or_insert(reason);
@@ -209,12 +209,12 @@ impl Collector {
         self.run.coalesced_poses += poses;
     }
 
-    /// Notes something that was lost on the way.
+    /// Notes a loss of data.
     pub fn lost(&mut self, what: String) {
         self.run.losses.push(what);
     }
 
-    /// Says what the measured force is.
+    /// Sets the source of the measured force.
     pub fn measured_source(&mut self, what: &str) {
         what.clone_into(&mut self.run.measured_source);
     }

@@ -1,14 +1,15 @@
-//! The force across the instrument's axis beside that along it, where the load cell measured a vector.
+//! The force components across the instrument's axis, for a load cell that measured a vector.
 //!
-//! Each component has its own noise, zero and drift. Zero and drift are linear in the residuals, so they are taken off residuals and
-//! derivatives alike, which gives the other unknowns as if zero and drift were among them (Frisch and Waugh, Econometrica 1, 1933). A
-//! component counts by its noise against that of the force along the axis,
+//! Each component has its own noise, zero and drift. Zero and drift are linear in the residuals, so they are
+//! projected out of residuals and derivatives. The other unknowns then have the values that they would have with zero
+//! and drift among the unknowns (Frisch and Waugh, Econometrica 1, 1933). A component is weighted by its noise
+//! relative to that of the force along the axis,
 //!
 //! ```text
 //! w = s_along / s,   s^2 = noise^2 + (e FLOOR F)^2        F: largest force along the axis; e: relative standard error of the force
 //! ```
 //!
-//! where the second part is the least error that every force has ([`super::uncertainty`]).
+//! where the second term is the least error of any force ([`super::uncertainty`]).
 
 use super::path::ForcePath;
 use super::uncertainty::FLOOR;
@@ -18,18 +19,18 @@ use needle_core::scene::{Dimension, Word as _};
 /// One component across the axis.
 #[derive(Clone, Debug)]
 pub struct Component {
-    /// For sentences.
+    /// Name for messages.
     pub name: String,
     /// Unit vector along it, frame `sample`.
     pub unit: [f64; 3],
-    /// What the load cell read along it at each of some answers, N.
+    /// Reading of the load cell along it at each of some answers, N.
     pub measured_n: Vec<f64>,
     /// w
     pub weight: f64,
 }
 
 impl Component {
-    /// The run's force along it; `None` where the instrument doesn't go into the sample.
+    /// The run's force along it; `None` if the instrument does not enter the sample.
     #[must_use]
     pub fn path(&self, run: &Run) -> Option<ForcePath> {
         let force = |a: &Answer| dot(&a.predicted_vector_n, &self.unit);
@@ -40,8 +41,8 @@ impl Component {
 }
 
 impl Run {
-    /// Components across the instrument's axis at some of the answers, all of which have a measured force; none for a load cell of one
-    /// axis. `force_error` is the relative standard error of the force.
+    /// Components across the instrument's axis at some of the answers, all of which have a measured force; empty for
+    /// a load cell with one axis. `force_error` is the relative standard error of the force.
     #[must_use]
     pub fn across(&self, answers: &[&Answer], force_error: f64) -> Vec<Component> {
         if !self.measures_vectors() {
@@ -60,7 +61,7 @@ impl Run {
         self.directions().into_iter().map(component).collect()
     }
 
-    /// Whether the model has the force across the axis: one with symmetry about the axis has none.
+    /// Whether the model predicts the force across the axis. A model with symmetry about the axis does not.
     #[must_use]
     pub fn predicts_vectors(&self) -> bool {
         self.dimension == Dimension::Full.as_str() || self.dimension == Dimension::Mirrored.as_str()
@@ -69,7 +70,7 @@ impl Run {
     /// Directions across the axis, with their names.
     fn directions(&self) -> [(&'static str, [f64; 3]); 2] {
         let slope @ [x, y] = self.instrument.map_or([0.0; 2], |i| i.slope());
-        // the axis goes down along (x, y, -1)
+        // the axis points downwards along (x, y, -1)
         let unit = |v: [f64; 3]| v.map(|c| c / dot(&v, &v).sqrt());
         let (axis, first) = (unit([x, y, -1.0]), unit([1.0, 0.0, x]));
         let second = [
@@ -82,7 +83,8 @@ impl Run {
     }
 }
 
-/// Takes the mean off a column (`free` = 1), or a straight line over the time (2): what a load cell's zero and drift can make of it.
+/// Subtracts from a column its mean (`free` = 1) or its regression line over time (2): the effects of a load cell's
+/// zero and drift.
 pub fn take_load_cell_off(column: &mut [f64], time_s: &[f64], free: usize) {
     let n = column.len().max(1) as f64;
     if free > 0 {
@@ -99,8 +101,9 @@ pub fn take_load_cell_off(column: &mut [f64], time_s: &[f64], free: usize) {
     }
 }
 
-/// Noise of one reading, N: the root mean square of third differences, which leave nothing of a force that is smooth over four readings,
-/// over that of white noise, 20^1/2. The hundredth of them that are largest don't count: knocks, and where a motion begins or ends.
+/// Noise of one reading, N: the root mean square of third differences divided by that of white noise, 20^1/2. Third
+/// differences vanish for a force that is smooth over four readings. The largest hundredth of them is ignored:
+/// knocks, and where a motion begins or ends.
 fn noise(readings: &[f64]) -> f64 {
     let third = |w: &[f64]| (w[3] - 3.0 * (w[2] - w[1]) - w[0]).powi(2);
     let mut squares: Vec<f64> = readings.windows(4).map(third).collect();

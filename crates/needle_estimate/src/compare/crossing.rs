@@ -1,7 +1,9 @@
-//! Membranes that a needle breaks through, from the measured force alone: neither a model nor the depth of a layer is asked for.
+//! Detects the puncture of membranes by a needle from the measured force alone. Neither a model nor the depth of a
+//! layer is needed.
 //!
-//! Over a piece of an insertion the force is a smooth function of the depth x; a membrane that breaks makes it drop. Generalised
-//! likelihood ratio (Willsky and Jones, IEEE Trans. Autom. Control 21 (1976) 108) over a window that goes along:
+//! Over a short part of an insertion the force is a smooth function of the depth x. The rupture of a membrane makes
+//! it drop. The detector is a generalised likelihood ratio test (Willsky and Jones, IEEE Trans. Autom. Control 21
+//! (1976) 108) over a sliding window:
 //!
 //! ```text
 //! none     F = a + b x + c x^2 + e max(x - x0, 0) + noise        one bend anywhere: slip that begins, a tip that comes to a membrane
@@ -10,8 +12,8 @@
 //! t = J / s(J),  s^2 = residual of the drop's fit / (n - 5) times (1 + r) / (1 - r)      r: correlation of neighbouring residuals
 //! ```
 //!
-//! A drop is said when the largest t passes the quantile of Student's distribution that `FALSE_ALARMS` leaves to each of
-//! `TESTS`. Nothing is allocated per reading.
+//! A drop is reported when the largest t exceeds the quantile of Student's distribution that `FALSE_ALARMS` leaves to
+//! each of `TESTS`. No memory is allocated per reading.
 
 use std::collections::VecDeque;
 
@@ -19,19 +21,19 @@ use nalgebra::Vector4;
 
 use super::Run;
 
-/// False alarms per insertion that are allowed.
+/// Allowed false alarms per insertion.
 const FALSE_ALARMS: f64 = 0.01;
-/// Readings of an insertion that this is meant for, 10 s at 1 kHz, times a quarter of the window's places for a drop, were all of them
-/// independent.
+/// Number of tests in an insertion, taken as independent: readings in 10 s at 1 kHz times the positions of a drop (a
+/// quarter of the window).
 const TESTS: f64 = 1e4 * 32.0;
-/// Length of the window in diameters of the needle: over less than that the force on it doesn't bend by more than a parabola.
+/// Length of the window in diameters of the needle. Within it the curvature of the force is that of a parabola.
 const WINDOW: f64 = 1.0;
 /// Fewest and most readings in it.
 const FEWEST: usize = 24;
 const MOST: usize = 256;
-/// Way back that ends an insertion, m: ten times the resolution of a magnetostrictive sensor.
+/// Retraction that ends an insertion, m: ten times the resolution of a magnetostrictive sensor.
 const BACK_M: f64 = 2e-5;
-/// Time without progress after which a rest has to be assumed, in which the tissue relaxes, s.
+/// Time without progress after which the needle counts as resting, s; the tissue then relaxes.
 const REST_S: f64 = 0.1;
 
 /// A drop of the measured force.
@@ -39,13 +41,13 @@ const REST_S: f64 = 0.1;
 pub struct Crossing {
     /// When it began, s.
     pub time_s: f64,
-    /// When it was sure, s.
+    /// When it was detected, s.
     pub seen_s: f64,
     /// Depth of the tip when it began, m.
     pub depth_m: f64,
-    /// Force against the insertion just before, N.
+    /// Force against the insertion just before it, N.
     pub force_before_n: f64,
-    /// And after it, as far as it had fallen when it was sure, N.
+    /// Force against the insertion after it, at the time of detection, N.
     pub force_after_n: f64,
 }
 
@@ -54,12 +56,13 @@ struct Reading {
     time_s: f64,
     depth_m: f64,
     force_n: f64,
-    /// Orthonormal parts of the smooth force, parabola and bend, and what they leave of the force, N.
+    /// Components of the reading in the orthonormal basis of the smooth force (parabola and bend), and the residual,
+    /// N.
     part: Vector4<f64>,
     left_n: f64,
 }
 
-/// Drops of the force that was measured in a run of a needle.
+/// Drops of the measured force in a run with a needle.
 #[must_use]
 pub fn in_run(run: &Run) -> Vec<Crossing> {
     let Some(diameter_m) = run.instrument.and_then(|i| i.needle_diameter_m()) else { return Vec::new() };
@@ -68,17 +71,17 @@ pub fn in_run(run: &Run) -> Vec<Crossing> {
     measured.filter_map(|(a, force_n)| crossings.take(a.time_s, a.depth_m, force_n)).collect()
 }
 
-/// Readings from the k-th last on differ.
+/// A change that applies from the k-th last reading on.
 #[derive(Clone, Copy, Debug, Default)]
 struct Change {
     k: usize,
     /// Drop or change of slope, N or N/m.
     size: f64,
-    /// What it takes from the sum of squares, N^2.
+    /// Reduction of the sum of squares, N^2.
     explains: f64,
-    /// Its regressor's parts of the smooth force.
+    /// Components of its regressor in the basis of the smooth force.
     part: Vector4<f64>,
-    /// Its regressor's square beside the smooth force.
+    /// Squared norm of its regressor orthogonal to the smooth force.
     square: f64,
 }
 
@@ -96,12 +99,12 @@ impl Crossings {
         Self { window_m: WINDOW * diameter_m, readings: VecDeque::with_capacity(MOST + 1) }
     }
 
-    /// Forgets what was read.
+    /// Discards all readings.
     pub fn reset(&mut self) {
         self.readings.clear();
     }
 
-    /// Takes a reading of depth (m) and force against the insertion (N); the drop, once it is sure.
+    /// Takes a reading of depth (m) and force against the insertion (N). Returns a drop once it is detected.
     pub fn take(&mut self, time_s: f64, depth_m: f64, force_n: f64) -> Option<Crossing> {
         if let Some(last) = self.readings.back() {
             if depth_m < last.depth_m - BACK_M || !(0.0..=REST_S).contains(&(time_s - last.time_s)) {
@@ -138,7 +141,7 @@ impl Crossings {
         }
         let first = self.readings.get(self.readings.len() - drop.k)?;
         let last = self.readings.back()?;
-        // the drop's fit there, without the drop
+        // the fitted force at that reading without the drop
         let smooth = first.force_n - first.left_n - drop.size * drop.beside(first);
         Some(Crossing {
             time_s: first.time_s,
@@ -149,7 +152,7 @@ impl Crossings {
         })
     }
 
-    /// The parabola through the window: its orthonormal parts (Gram and Schmidt) and what it leaves.
+    /// Fits the parabola to the window: orthonormal components (Gram-Schmidt) and residual.
     #[allow(clippy::cast_precision_loss)]
     fn smooth(&mut self) {
         let (Some(first), Some(last)) = (self.readings.front(), self.readings.back()) else { return };
@@ -170,7 +173,7 @@ impl Crossings {
         }
     }
 
-    /// Takes the bend that explains most out of what the parabola leaves: its regressor is a part like the parabola's.
+    /// Fits the bend that explains most of the parabola's residual, and adds its regressor to the orthonormal basis.
     #[allow(clippy::cast_precision_loss)]
     fn bend(&mut self) {
         let Some(end) = self.readings.back().map(|r| r.depth_m) else { return };
@@ -201,7 +204,7 @@ impl Crossings {
         }
     }
 
-    /// The drop among the last readings that explains most.
+    /// The drop among the last readings that explains most of the residual.
     #[allow(clippy::cast_precision_loss)]
     fn drop(&self) -> Change {
         let (mut best, mut parts, mut left) = (Change::default(), Vector4::zeros(), 0.0);
@@ -216,7 +219,7 @@ impl Crossings {
         best
     }
 
-    /// Correlation of neighbouring residuals of a drop's fit, where it is positive.
+    /// Correlation of neighbouring residuals of a drop's fit, if it is positive.
     fn correlation(&self, drop: &Change) -> f64 {
         let start = self.readings.len() - drop.k;
         let residual = |(i, r): (usize, &Reading)| {
@@ -234,22 +237,23 @@ impl Crossings {
 }
 
 impl Change {
-    /// From a regressor's product with what is left, its square, and its parts of the smooth force.
+    /// From the product of a regressor with the residual, its square, and its components in the basis of the smooth
+    /// force.
     fn of(k: usize, product: f64, square: f64, part: Vector4<f64>) -> Self {
         let beside = square - part.norm_squared();
-        // what is smooth but for round-off changes nothing
+        // a regressor that is smooth except for round-off explains nothing
         let (size, square) = if beside > 1e-6 * square { (product / beside, beside) } else { (0.0, square) };
         Self { k, size, explains: size * product, part, square }
     }
 
-    /// What of its regressor the smooth force takes up at a reading.
+    /// Projection of its regressor on the smooth force at a reading.
     fn beside(&self, r: &Reading) -> f64 {
         self.part.dot(&r.part)
     }
 }
 
-/// Student's quantile for a small probability above it: that of the normal distribution (Abramowitz and Stegun 26.2.23) and Fisher's
-/// series in the degrees of freedom (26.7.5).
+/// Student's quantile for a small upper-tail probability: that of the normal distribution (Abramowitz and Stegun
+/// 26.2.23) with Fisher's series in the degrees of freedom (26.7.5).
 fn quantile(above: f64, freedom: f64) -> f64 {
     let t = (-2.0 * above.ln()).sqrt();
     let (up, down) =

@@ -1,43 +1,46 @@
-//! A sensor whose reading stands still: a broken cable, a driver that repeats its last value.
+//! Detects a sensor whose reading is frozen: a broken cable, or a driver that repeats its last value.
 //!
-//! A reading that repeats to the last bit is no fault by itself, since a coarse or noiseless sensor does it too. Two things tell:
+//! A reading that repeats to the last bit is not a fault in itself: a coarse or noiseless sensor repeats readings
+//! too. Two criteria indicate a fault:
 //!
-//! - **Noise.** A sensor that scatters repeats a value n times in a row with a probability that falls like p^n, so that the longest run of
-//!   equal readings so far bounds the next one. `RUN` times that bound, and `SPARE` readings more, does not come from noise. It is
-//!   used once the sensor has shown that it scatters, which is a change of sign between successive differences: the force of a needle that
-//!   moves steadily changes without them.
-//! - **Motion.** (Load cells.) The prediction has moved by more than the cell resolves, and the reading has not: a suspicion after `SUSPECTED`, which is
-//!   reason enough not to go on, and a finding after `FOUND`, from which on readings are left out.
+//! - **Noise.** A noisy sensor repeats a value n times in a row with a probability that falls like p^n. So the
+//!   longest run of equal readings so far bounds the next one. A run of `RUN` times that bound plus `SPARE` readings
+//!   is not explained by noise. The criterion applies once the sensor has proved to be noisy, by sign changes between
+//!   successive differences. The force of a needle that moves steadily changes without them.
+//! - **Motion** (load cells). The prediction has changed by more than the cell's resolution, and the reading has not.
+//!   After `SUSPECTED` this is a suspicion, which is reason enough to stop. After `FOUND` it is a detection, and
+//!   readings are left out.
 //!
-//! What was found stands until a reading differs: a prediction that passes the value by chance proves nothing.
+//! A detection stands until a reading differs. It is not revoked when the prediction passes the value by chance.
 
 use std::time::Duration;
 
-/// Runs of equal readings this many times longer than any before are no noise.
+/// A run of equal readings is not noise if it is this many times longer than any before ...
 const RUN: u32 = 4;
-/// And so many readings more: with noise that repeats no value the longest run is 1.
+/// ... plus this many readings: for noise that repeats no value the longest run is 1.
 const SPARE: u32 = 4;
-/// Shortest time that counts as standing still: below it, readings of a kilohertz that come in bursts would count.
+/// Shortest duration of a frozen reading. Below it, readings at a kilohertz that arrive in bursts would count.
 const SHORTEST: Duration = Duration::from_millis(15);
-/// Times after which a reading that does not follow a prediction that moves is suspected and found.
+/// Times after which a reading that does not follow a changing prediction is suspected, and detected as frozen.
 const SUSPECTED: Duration = Duration::from_millis(100);
 const FOUND: Duration = Duration::from_secs(1);
-/// Changes of direction, and one in so many of all changes, from which on a sensor scatters. White noise at rest has two in three; the
-/// position of a needle that moves by more than the noise from reading to reading has none.
+/// A sensor is noisy if its reading has reversed direction this often, and in at least one of `SHARE` changes. White
+/// noise at rest reverses in two of three changes. The position of a needle that moves by more than the noise between
+/// readings never reverses.
 const SCATTERS: u32 = 10;
 const SHARE: u32 = 50;
-/// A prediction moves if it changes by more than this, N ...
+/// A prediction has changed if it differs by more than this, N ...
 const MOVES_N: f64 = 2e-3;
 /// ... this share of its peak ...
 const MOVES_OF_PEAK: f64 = 0.05;
-/// ... and so many of the cell's smallest changes.
+/// ... and this many of the cell's smallest changes.
 const MOVES_OF_STEP: f64 = 3.0;
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frozen {
     last: Option<[f64; 3]>,
-    /// Time of the first reading of the present run, and the prediction then.
+    /// Time of the first of the present equal readings, and the prediction then.
     since: Duration,
     predicted_n: f64,
     run: u32,
@@ -57,7 +60,8 @@ impl Frozen {
         self.take(time, place_m, 0.0, 0.0, 0.0);
     }
 
-    /// Takes a reading in N at a time, with the present prediction and the largest so far, N. `band_n`: disagreement that is tolerated.
+    /// Takes a reading in N at a time, with the present prediction and the largest so far, N. `band_n`: tolerated
+    /// disagreement.
     pub fn take(&mut self, time: Duration, force_n: [f64; 3], predicted_n: f64, peak_n: f64, band_n: f64) {
         if self.last.is_none_or(|last| last != force_n) {
             self.differs(time, force_n, predicted_n);
@@ -73,13 +77,13 @@ impl Frozen {
         self.suspected |= self.found || (by_motion && stands > SUSPECTED);
     }
 
-    /// Whether it stands still.
+    /// Whether the reading is frozen.
     #[must_use]
     pub const fn is_found(&self) -> bool {
         self.found
     }
 
-    /// Whether it seems to stand still.
+    /// Whether the reading is suspected to be frozen.
     #[must_use]
     pub const fn is_suspected(&self) -> bool {
         self.suspected
@@ -107,7 +111,7 @@ impl Frozen {
 mod tests {
     use super::*;
 
-    /// Readings at a rate; the time at which it is found, s.
+    /// Readings at a rate; the time of the detection, s.
     fn found_s(hz: f64, readings: impl Fn(usize) -> (f64, f64), n: usize) -> Option<f64> {
         let (mut frozen, mut peak) = (Frozen::default(), 0.0_f64);
         (0..n).find_map(|i| {
@@ -139,10 +143,10 @@ mod tests {
     #[test]
     fn neither_noise_nor_a_noiseless_cell_at_rest_is_a_fault() {
         assert_eq!(found_s(500.0, |i| (noise(i), 0.0), 100_000), None);
-        // in air, in motion, at rest, and on: every value is exact
+        // in air, in motion, at rest, and in motion again: every value is exact
         let depth = |i: usize| if i % 4000 < 1000 { (i % 1000) as f64 * 1e-4 } else { 0.1 };
         assert_eq!(found_s(1000.0, |i| (depth(i), depth(i)), 20_000), None);
-        // one that resolves 10 mN where the force is 15 mN
+        // a cell with a resolution of 10 mN at a force of 15 mN
         let coarse = |i: usize| (i as f64 * 3e-5, (i as f64 * 3e-5 / 0.01).round() * 0.01);
         assert_eq!(found_s(100.0, |i| (coarse(i).1, coarse(i).0), 500), None);
     }

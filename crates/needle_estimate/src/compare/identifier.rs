@@ -1,38 +1,40 @@
-//! Identification while it runs: stiffness, needle coefficient and load-cell offset, reading by reading.
+//! Online identification of stiffness, needle coefficient and load-cell offset, reading by reading.
 //!
-//! A [`Learner`] of three unknowns that need no run of the twin. With F the twin's force and z the load cell's reading,
+//! It is a [`Learner`] with three unknowns that need no run of the twin. With F the twin's force and z the load
+//! cell's reading,
 //!
 //! ```text
 //! z = F a c + b + error of the model + noise = F (1 + 0.5 w_a + 0.5 w_c) + 0.1 N w_b + ...,   w: normal, mean 0, variance 1
 //! a = mu / mu_scene = 1 + 0.5 w_a,   c = C_D / C_D,scene = 1 + 0.5 w_c / a (1 before the puncture),   b = 0.1 N w_b: offset
 //! ```
 //!
-//! The force is proportional to the shear modulus (quasi-static, Poisson's ratio fixed), and nearly so to the deformation
-//! coefficient, if the retraction coefficient goes with it: what the needle holds moves by C_D, and the tissue's answer to that is
-//! nearly linear. `tests/ros/identify.rs` holds both against runs of the twin. So the two have the same effect on a needle's
-//! force: only one of them can be found from it.
+//! The force is proportional to the shear modulus (quasi-static, Poisson's ratio fixed). It is nearly proportional to
+//! the deformation coefficient, if the retraction coefficient changes in proportion: the nodes held by the needle
+//! move by C_D, and the tissue's response to that is nearly linear. `tests/ros/identify.rs` compares both with runs
+//! of the twin. So the two have the same effect on a needle's force, and only one of them can be identified from it.
 //!
-//! A residual that jumps, or that stays outside what noise and model error explain, shows that the model does not hold (slip, puncture, a fault of the
-//! sensor): nothing is learnt then, and what was learnt shortly before is discarded ([`learning`](super::learning)).
+//! A residual that jumps, or that stays larger than noise and model error explain, shows that the model does not hold
+//! (slip, puncture, a fault of the sensor). Then the update stops, and recent updates are discarded
+//! ([`learning`](super::learning)).
 
 use super::learning::{Learner, Reading};
 
-/// What can be identified.
+/// A parameter that can be identified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// `material.shear_modulus_pa`, Pa.
     ShearModulus,
-    /// `instrument.deformation_coefficient`, the retraction coefficient in proportion.
+    /// `instrument.deformation_coefficient`; the retraction coefficient changes in proportion.
     DeformationCoefficient,
     /// `load_cell.offset_n`, N.
     Offset,
 }
 
 impl Parameter {
-    /// All, in the order of the state.
+    /// All parameters, in the order of the state.
     pub const ALL: [Self; 3] = [Self::ShearModulus, Self::DeformationCoefficient, Self::Offset];
 
-    /// Its name: the scene's key, or what is not a part of the scene.
+    /// Its name: the scene's key, or that of the load cell's parameter.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -57,25 +59,25 @@ impl Parameter {
     }
 }
 
-/// How the identification is doing.
+/// State of the identification.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum State {
-    /// It learns; the errors are still too large.
+    /// It is active; the errors are still too large.
     Learning,
     /// Every parameter is known to [`CONVERGED_SHARE`], the offset to the noise of one reading.
     Converged,
-    /// It doesn't learn, since the model is wrong.
+    /// It is stopped, because the model does not hold.
     Frozen(Cause),
 }
 
-/// Why nothing is learnt.
+/// Why the identification is stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cause {
-    /// The residual jumped by so much, N.
+    /// The residual jumped by this force, N.
     Jump(f64),
-    /// The residual stays at so much, N, outside what noise and model error explain.
+    /// The residual stays at this force, N, larger than noise and model error explain.
     Level(f64),
-    /// The load cell is at fault.
+    /// The load cell is faulty.
     Sensor,
 }
 
@@ -93,21 +95,21 @@ impl std::fmt::Display for Cause {
 
 /// Relative standard error below which a value counts as known.
 pub const CONVERGED_SHARE: f64 = 0.03;
-/// Standard deviations before the first reading: shares of the scene's values, N.
+/// A-priori standard deviations: relative to the scene's values; of the offset in N.
 const PRIOR: [f64; 3] = [0.5, 0.5, 0.1];
-/// Smallest noise that is assumed, N: quantised readings can repeat exactly.
+/// Least noise that is assumed, N: quantised readings can repeat exactly.
 const LEAST_NOISE_N: f64 = 1e-5;
 
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Identifier {
     wanted: [bool; 3],
-    /// Values of the scene: what the shares are of.
+    /// Reference values: those of the scene.
     unit: [f64; 3],
     learner: Learner,
-    /// The load cell's number.
+    /// Channel of the load cell in the learner.
     force: usize,
-    /// The load cell is at fault, until what is learnt goes on.
+    /// Whether the load cell is faulty; cleared when the updates resume.
     fault: bool,
     state: State,
     /// Time of the last reading, and that since the first one, s.
@@ -116,7 +118,8 @@ pub struct Identifier {
 }
 
 impl Identifier {
-    /// Starts with the scene's shear modulus (Pa) and deformation coefficient; what is not wanted stays there.
+    /// Starts with the scene's shear modulus (Pa) and deformation coefficient. Parameters that are not wanted stay
+    /// there.
     #[must_use]
     pub fn new(wanted: &[Parameter], shear_modulus_pa: f64, deformation_coefficient: f64) -> Self {
         let unit = [shear_modulus_pa, deformation_coefficient, 1.0];
@@ -129,18 +132,18 @@ impl Identifier {
         Self { wanted, unit, learner, force, fault: false, state: State::Learning, last_s: None, clock_s: 0.0 }
     }
 
-    /// Begins anew with the same parameters.
+    /// Restarts with the same parameters.
     pub fn reset(&mut self) {
         *self = Self::fresh(self.wanted, self.unit);
     }
 
-    /// How it is doing.
+    /// The present state.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
     }
 
-    /// What is learnt of a parameter, the share of the scene's value (of the offset: N), and its standard error.
+    /// Relative value of a parameter (of the offset: N) and its standard error.
     fn known(&self, parameter: Parameter) -> (f64, f64) {
         let state = |row: [f64; 3]| {
             let row: [f64; 3] = std::array::from_fn(|k| if self.wanted[k] { row[k] } else { 0.0 });
@@ -153,7 +156,7 @@ impl Identifier {
             Parameter::ShearModulus => (stiffer, error),
             Parameter::DeformationCoefficient => {
                 let more = state([0.0, PRIOR[1], 0.0]).0 / stiffer;
-                // the change of w_c / a with both
+                // w_c / a is linearised in both
                 let error = state([-more * PRIOR[0] / stiffer, PRIOR[1] / stiffer, 0.0]).1;
                 (Self::share(more), error)
             }
@@ -165,7 +168,7 @@ impl Identifier {
         (1.0 + more).clamp(0.01, 100.0)
     }
 
-    /// Value and standard error of a parameter, model error included; `None` if it isn't wanted.
+    /// Value and standard error of a parameter, model error included; `None` if it is not wanted.
     #[must_use]
     pub fn estimate(&self, parameter: Parameter) -> Option<(f64, f64)> {
         let k = parameter.index();
@@ -173,21 +176,21 @@ impl Identifier {
         self.wanted[k].then_some((value * self.unit[k], error * self.unit[k]))
     }
 
-    /// What the load cell should read at a predicted force, N, with what was learnt.
+    /// Expected reading of the load cell for a predicted force, N, with the identified values.
     #[must_use]
     pub fn expected_n(&self, predicted_n: f64, inserted: bool) -> f64 {
         predicted_n + self.learner.state(&self.effects(predicted_n, inserted)).0
     }
 
-    /// What each of the three adds to a reading for one standard deviation, N.
+    /// Effect of each of the three unknowns on a reading for one standard deviation, N.
     fn effects(&self, predicted_n: f64, inserted: bool) -> [f64; 3] {
         let of = [predicted_n, if inserted { predicted_n } else { 0.0 }, 1.0];
         std::array::from_fn(|k| if self.wanted[k] { PRIOR[k] * of[k] } else { 0.0 })
     }
 
-    /// Takes a reading: the twin's force and the measured one at the same time, N. `inserted`: the needle has punctured
-    /// the surface. `doubt_n`: how far the twin's force may be off because its tissue swings ([`Swing`](super::learning::Swing)), N. Gives the state where
-    /// it has changed.
+    /// Takes a reading: the twin's force and the measured one at the same time, N. `inserted`: the needle has
+    /// punctured the surface. `doubt_n`: possible error of the twin's force because its tissue oscillates
+    /// ([`Swing`](super::learning::Swing)), N. Returns the state if it has changed.
     pub fn update(
         &mut self,
         time_s: f64,
@@ -199,7 +202,7 @@ impl Identifier {
         if ![time_s, predicted_n, measured_n, doubt_n].iter().all(|x| x.is_finite()) {
             return None;
         }
-        // a clock that goes back says nothing, and goes on from there
+        // a clock that jumps back gives no interval; the time continues from there
         let since_s = time_s - self.last_s.replace(time_s).unwrap_or(f64::NEG_INFINITY);
         if since_s <= 0.0 {
             return None;
@@ -212,11 +215,11 @@ impl Identifier {
             self.clock_s,
             Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n), doubt: doubt_n },
         );
-        // nothing is learnt within a block
+        // the estimates do not change within a block
         if self.learner.tally(self.force) == before { None } else { self.judge() }
     }
 
-    /// Takes note that the load cell is at fault. Gives the state if it has changed.
+    /// Reports a fault of the load cell. Returns the state if it has changed.
     pub fn fault(&mut self) -> Option<State> {
         let healthy = !matches!(self.state, State::Frozen(_));
         self.fault |= healthy;

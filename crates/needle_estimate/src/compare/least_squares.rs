@@ -1,64 +1,65 @@
 //! Bounded non-linear least squares: the smallest 1/2 |r(x)|^2 with every x_i between its bounds.
 //!
-//! Levenberg-Marquardt with Marquardt's scaling (J. Soc. Ind. Appl. Math. 11, 1963), each step projected onto the bounds
-//! and the unknowns that a bound holds left out of it (Kanzow, Yamashita and Fukushima, J. Comput. Appl. Math. 172, 2004):
+//! Levenberg-Marquardt with Marquardt's scaling (J. Soc. Ind. Appl. Math. 11, 1963). Each step is projected onto the
+//! bounds. Unknowns that a bound holds are left out of it (Kanzow, Yamashita and Fukushima, J. Comput. Appl. Math.
+//! 172, 2004):
 //!
 //! ```text
 //! (D J^T J D + lambda I) y = -D J^T r,   x' = clamp(x + D y),   D = diag(1 / |J_i|)
 //! ```
 //!
-//! Written here since a residual is a whole run of the twin, which may be impossible for some x: such a step is refused
-//! like one that makes the sum larger. The well-kept crate `levenberg-marquardt` (0.15) has no bounds, takes an x
-//! that can't be evaluated as the end of the search, and needs a second version of nalgebra.
+//! A separate implementation is needed because a residual is a complete run of the twin, which may be impossible for
+//! some x. Such a step is rejected like one that increases the sum. The well-kept crate `levenberg-marquardt` (0.15)
+//! has no bounds, ends the search at an x that can't be evaluated, and needs a second version of nalgebra.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Steps after which the search ends in any case.
+/// Largest number of iterations.
 const MOST_ITERATIONS: usize = 40;
-/// A step is small when no unknown moves by more than this share of its size.
+/// A step is small if no unknown moves by more than this share of its scale.
 const SMALL_STEP: f64 = 1e-6;
-/// The search ends when the sum of squares falls, or is predicted to fall, by less than this share. With n readings that is a
-/// shift of sqrt(n) times this in standard errors from noise. When a key changes a little, a run of the twin is smooth to no
-/// more than that.
+/// The search ends when the sum of squares falls, or is predicted to fall, by less than this share. With n readings
+/// this is a shift of sqrt(n) times this share, in standard errors from noise. A run of the twin is smooth to no more
+/// than that under a small change of a key.
 const SMALL_GAIN: f64 = 1e-5;
-/// A step that should make the sum smaller by less than this share and doesn't is the end as well: what is left to gain is within what
-/// runs differ by.
+/// The search also ends if a step that should reduce the sum by less than this share does not reduce it. The possible
+/// gain is then within the differences between runs.
 const LEFT: f64 = 3e-4;
-/// Damping at the start, at least and at most.
+/// Damping: start, least and largest value.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e10];
 
-/// What is to be made small.
+/// The function to be minimised.
 pub trait Problem {
-    /// What ends the search at once.
+    /// An error that ends the search at once.
     type Error;
 
-    /// The residuals at x; `None` where they can't be had.
+    /// The residuals at x; `None` if they can't be evaluated.
     ///
     /// # Errors
-    /// What ends the search at once.
+    /// If the search must end at once.
     fn residuals(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, Self::Error>;
 
-    /// The derivatives of the residuals r by each unknown (columns) at x; `None` where they can't be had.
+    /// The derivatives of the residuals r by each unknown (columns) at x; `None` if they can't be evaluated.
     ///
     /// # Errors
-    /// What ends the search at once.
+    /// If the search must end at once.
     fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, Self::Error>;
 }
 
-/// What is known of an unknown beforehand.
+/// Start, bounds and scale of an unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unknown {
-    /// Where the search begins.
+    /// Start value.
     pub start: f64,
     /// Least and largest value.
     pub bounds: [f64; 2],
-    /// Its size: what steps are small or large against.
+    /// Its scale, relative to which steps are small or large.
     pub scale: f64,
-    /// Largest step, as a share of the present value or `scale`: limits how far one linearisation is trusted.
+    /// Largest step relative to the present value or `scale`: the range in which one linearisation is trusted.
     pub largest_step: f64,
 }
 
-/// Where the search ended.
+/// Result of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// The unknowns.
@@ -67,13 +68,13 @@ pub struct Solution {
     pub residuals: DVector<f64>,
     /// Their derivatives there.
     pub jacobian: DMatrix<f64>,
-    /// Steps taken.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Whether no step made the sum noticeably smaller; else the search ran out of steps.
+    /// Whether no step reduced the sum noticeably any more; otherwise the iteration limit was reached.
     pub converged: bool,
 }
 
-/// Searches from the unknowns' start; `None` if the problem can't be evaluated there, or its derivatives can't.
+/// Searches from the start values; `None` if residuals or derivatives can't be evaluated there.
 ///
 /// # Errors
 /// Those of the problem.
@@ -115,7 +116,7 @@ pub fn solve<P: Problem>(problem: &mut P, unknowns: &[Unknown]) -> Result<Option
     Ok(Some(Solution { x, residuals: r, jacobian, iterations, converged }))
 }
 
-/// The damped step of the unknowns that no bound holds; `None` if the equations can't be solved.
+/// The damped step of the free unknowns; `None` if the equations can't be solved.
 fn step(j: &DMatrix<f64>, r: &DVector<f64>, x: &[f64], unknowns: &[Unknown], damping: f64) -> Option<DVector<f64>> {
     let downhill = -(j.transpose() * r);
     let held = |i: usize| {
@@ -137,7 +138,7 @@ fn step(j: &DMatrix<f64>, r: &DVector<f64>, x: &[f64], unknowns: &[Unknown], dam
     step.iter().all(|s| s.is_finite()).then_some(step)
 }
 
-/// x after a step that is cut to the largest allowed and to the bounds.
+/// x after a step that is limited to the largest allowed step and to the bounds.
 fn moved(x: &[f64], step: &DVector<f64>, unknowns: &[Unknown]) -> Vec<f64> {
     let size = |i: usize| x[i].abs().max(unknowns[i].scale);
     let longest = (0..x.len()).map(|i| step[i].abs() / (unknowns[i].largest_step * size(i))).fold(1.0, f64::max);
@@ -155,11 +156,11 @@ fn is_small(x: &[f64], trial: &[f64], unknowns: &[Unknown]) -> bool {
 mod tests {
     use super::*;
 
-    /// a exp(-b t), with the b that can't be evaluated.
+    /// a exp(-b t), with values of b that can't be evaluated.
     struct Decay {
         data: Vec<(f64, f64)>,
         impossible_above: f64,
-        /// Times that it was asked for such a b.
+        /// Number of evaluations at such a b.
         refused: u32,
     }
 

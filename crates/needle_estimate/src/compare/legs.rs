@@ -1,33 +1,33 @@
-//! The three legs of a run: towards the deepest point, at it, away from it.
+//! The three legs of a run: insertion, hold, retraction.
 
 use std::ops::Range;
 
 use super::Run;
 
-/// Part of the largest depth within which the instrument counts as held at it.
+/// Share of the largest depth within which the instrument counts as held at it.
 const HOLD_BAND: f64 = 0.002;
 
-/// Share of the depth below which the instrument has left it: several insertions are no hold.
+/// Share of the depth below which the hold has ended: several insertions are no hold.
 const LEAVES: f64 = 0.9;
 
-/// Share of the largest depth that a motion has to turn back by for another pass to begin.
+/// Share of the largest depth by which a motion must reverse for a new pass to begin.
 const TURN: f64 = 0.1;
 
-/// One way of the instrument, in or out.
+/// One pass of the instrument: an insertion or a retraction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pass {
-    /// Its answers.
+    /// Range of its answers.
     pub range: Range<usize>,
-    /// Whether it goes out.
+    /// Whether it is a retraction.
     pub back: bool,
-    /// Which insertion it is, or follows, from 0.
+    /// Index of the insertion that it is or follows, from 0.
     pub number: usize,
 }
 
-/// Where a run's answers fall into insertion, hold and retraction. Any of them may be empty.
+/// Division of a run's answers into insertion, hold and retraction. Any of them may be empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Legs {
-    /// First answer at the deepest point: before it lies the insertion.
+    /// First answer at the deepest point; the insertion ends before it.
     pub hold: usize,
     /// First answer of the retraction, one past the last at the deepest point.
     pub retraction: usize,
@@ -37,8 +37,7 @@ pub struct Legs {
 
 impl Run {
     /// Legs of the motion, from depth alone. "At the deepest point" is within 0.2% of it, so that the noise of a
-    /// depth sensor makes no legs of its own; a motion with several cycles counts as held between its deepest
-    /// answers.
+    /// depth sensor makes no legs. A motion with several cycles counts as held between its deepest answers.
     #[must_use]
     pub fn legs(&self) -> Legs {
         let depths = || self.answers.iter().map(|a| a.depth_m);
@@ -52,13 +51,14 @@ impl Run {
         }
     }
 
-    /// The ways in and out, one after the other; a stay at the turn belongs to the way before it. Never empty ones.
+    /// The insertions and retractions in order, none of them empty. A stay at the turning point belongs to the pass
+    /// before it.
     #[must_use]
     pub fn passes(&self) -> Vec<Pass> {
         let depth = |i: usize| self.answers[i].depth_m;
         let known = |i: &usize| depth(*i).is_finite();
         let deepest = (0..self.answers.len()).filter(known).map(depth).fold(0.0, f64::max);
-        // above the surface all places are one
+        // the motion above the surface does not count
         let depth = |i: usize| depth(i).max(0.0);
         let mut passes = Vec::<Pass>::new();
         let (mut begun, mut far, mut best, mut back) = (0, 0, 0.0, false);
@@ -83,8 +83,8 @@ impl Run {
         passes
     }
 
-    /// Depth, m, and duration, s, of the stay at the deepest point; `None` if the run only touches it (no more than
-    /// 2% of its time: a slow turn stays near its deepest point as well).
+    /// Depth, m, and duration, s, of the hold at the deepest point. `None` if the run only touches it: no more than
+    /// 2% of its time, because a slow reversal stays near the deepest point too.
     #[must_use]
     pub fn hold(&self) -> Option<(f64, f64)> {
         let Legs { hold, retraction, .. } = self.legs();
@@ -184,7 +184,7 @@ mod tests {
         for (way, turn) in found.iter().zip([1000, 2000]) {
             assert!(way.0.end.abs_diff(turn) <= 4, "{way:?}: slow ways turn where they turn");
         }
-        // a stay belongs to the way before it, the noise of a sensor is no way
+        // a hold belongs to the pass before it, and sensor noise is no pass
         let held = [-1.0, 0.0, 5.0, 10.0, 9.99, 10.0, 5.0, -1.0, -1.0, 0.0, 5.0];
         assert_eq!(ways(&held), [(0..6, false, 0), (6..10, true, 0), (10..11, false, 1)]);
         assert_eq!(ways(&[0.0, 1.0, 2.0]), [(0..3, false, 0)]);

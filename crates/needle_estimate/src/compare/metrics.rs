@@ -1,7 +1,7 @@
 //! Figures of merit of a finished run: force error, latency, speed.
 //!
-//! A figure that is not known (no measured force, nothing stepped, a number that is not finite) is `None`,
-//! never zero.
+//! A figure that is not known (no measured force, nothing stepped, a number that is not finite) is `None`, never
+//! zero.
 
 use super::{Answer, Run};
 
@@ -18,7 +18,7 @@ pub struct ForceMetrics {
     pub nrmse: Option<f64>,
     /// Largest |predicted - measured|, N.
     pub max_abs_error_n: Option<f64>,
-    /// Root mean square of the length of predicted - measured as vectors, N, where the load cell measured one.
+    /// Root mean square of the length of the vector predicted - measured, N, if the load cell measured a vector.
     pub rmse_vector_n: Option<f64>,
     /// Largest such length, N.
     pub max_vector_error_n: Option<f64>,
@@ -55,7 +55,7 @@ impl Run {
         }
     }
 
-    /// Whether the load cell measured the force as a vector: more than one of its components is not always zero.
+    /// Whether the load cell measured the force as a vector: at least two of its components are not always zero.
     #[must_use]
     pub fn measures_vectors(&self) -> bool {
         let read = |k: usize| self.answers.iter().filter_map(|a| a.measured_vector_n).any(|f| f[k] != 0.0);
@@ -84,13 +84,13 @@ impl Run {
     }
 }
 
-/// `None` of nothing.
+/// `None` without values.
 fn root_mean_square(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
     (count > 0.0).then(|| (sum / count).sqrt())
 }
 
-/// `a / b` where that is a finite number.
+/// `a / b`; `None` if it is not finite.
 fn ratio(a: f64, b: f64) -> Option<f64> {
     Some(a / b).filter(|r| b != 0.0 && r.is_finite())
 }

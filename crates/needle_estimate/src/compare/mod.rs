@@ -1,10 +1,9 @@
-//! Predicted against measured: what one run of the twin produced, and its figures of merit.
+//! Predicted against measured force: the result of one run of the twin, and its figures of merit.
 
 pub mod alignment;
 mod collector;
 pub mod components;
 pub mod crossing;
-mod drive;
 pub mod ensemble;
 pub mod frozen;
 pub mod identifier;
@@ -17,18 +16,21 @@ pub mod placement;
 mod regions;
 pub mod rows;
 pub mod scale;
+mod session;
 mod stability;
 pub mod uncertainty;
 pub mod verdict;
+mod watch;
 
 pub use collector::{Collector, Keep};
-pub use drive::{Unwatched, Watch, build, build_beside, build_on, drive};
-use drive::{not_finite, stamped};
 pub use legs::{Legs, Pass};
 pub use metrics::{ForceMetrics, Latency};
 pub use regions::Depths;
+pub use session::{Finished, Session};
+use session::{not_finite, stamped};
 pub use stability::StabilityRow;
 pub use verdict::{Explains, Verdict};
+pub use watch::{Cancel, Watch};
 
 use needle_core::scene::Instrument;
 use needle_core::twin::{Along, Event, Phase};
@@ -42,13 +44,13 @@ pub struct Answer {
     pub depth_m: f64,
     /// Predicted force of the tissue on the instrument against its axis, N (positive resists insertion).
     pub predicted_n: f64,
-    /// Measured force with the same sign, N, at the same time, where there is one.
+    /// Measured force at the same time with the same sign, N, if there is one.
     pub measured_n: Option<f64>,
     /// Predicted force of the tissue on the instrument in frame `sample`, N.
     pub predicted_vector_n: [f64; 3],
-    /// Measured force in the same frame, N, where there is one.
+    /// Measured force in the same frame, N, if there is one.
     pub measured_vector_n: Option<[f64; 3]>,
-    /// Phase.
+    /// Phase of the insertion.
     pub phase: Phase,
     /// Event since the last pose.
     pub event: Option<Event>,
@@ -59,13 +61,13 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// Predicted - measured force, N, where both are there and finite.
+    /// Predicted - measured force, N, if both are known and finite.
     #[must_use]
     pub fn residual_n(&self) -> Option<f64> {
         self.measured_n.map(|measured| self.predicted_n - measured).filter(|e| e.is_finite())
     }
 
-    /// Length of predicted - measured force, N, where both are there and finite.
+    /// Length of the vector predicted - measured, N, if both are known and finite.
     #[must_use]
     pub fn vector_error_n(&self) -> Option<f64> {
         let measured = self.measured_vector_n?;
@@ -74,20 +76,20 @@ impl Answer {
     }
 }
 
-/// Something that happened to the tissue, with the predicted force on either side of it.
+/// An event in the tissue, with the predicted force before and after it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occurrence {
-    /// Of the pose that saw it, s since the first pose.
+    /// Time of the pose that detected it, s since the first pose.
     pub time_s: f64,
     /// `puncture`, `layer` or `slip`.
     pub kind: String,
-    /// Region that the tip came into, or is in.
+    /// Region that the tip entered, or is in.
     pub region: String,
     /// Tip depth, m.
     pub depth_m: f64,
-    /// Force against the insertion, N.
+    /// Force against the insertion before it, N.
     pub force_before_n: f64,
-    /// Force against the insertion, N.
+    /// Force against the insertion after it, N.
     pub force_after_n: f64,
 }
 
@@ -109,7 +111,7 @@ pub struct FinalState {
     pub points: Vec<[f64; 3]>,
     /// Background tetrahedra.
     pub cells: Vec<[u32; 4]>,
-    /// Region of each of them ([`needle_core::twin::Twin::cell_regions`]); empty where the scene has none.
+    /// Region of each of them ([`needle_core::twin::Twin::cell_regions`]); empty if the scene has no regions.
     pub region: Vec<u8>,
     /// Surface triangles, outward.
     pub surface: Vec<[u32; 3]>,
@@ -121,7 +123,7 @@ pub struct FinalState {
     pub von_mises_pa: Vec<f64>,
 }
 
-/// The tissue at one moment of a run.
+/// The tissue at one time of a run.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Snapshot {
     /// Time, s since the first pose.
@@ -134,34 +136,35 @@ pub struct Snapshot {
     pub jacobian: Vec<f64>,
 }
 
-/// Everything that a finished run leaves; `report` turns it into files.
+/// The complete result of a finished run; `report` writes it to files.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Run {
     /// Name of the scene.
     pub scene: String,
     /// Description of the scene.
     pub description: String,
-    /// Word for the method (`mmls`, ...).
+    /// Name of the method (`mmls`, ...).
     pub method: String,
-    /// Word for the dimension of the model (`full`, `axisymmetric`).
+    /// Name of the model's dimension (`full`, `axisymmetric`).
     pub dimension: String,
-    /// Why, in one clause.
+    /// Reason for that dimension, in one clause.
     pub dimension_because: String,
-    /// Nodes of the model.
+    /// Number of nodes of the model.
     pub nodes: usize,
-    /// Integration points.
+    /// Number of integration points.
     pub integration_points: usize,
     /// One row per answered pose.
     pub answers: Vec<Answer>,
-    /// What happened to the tissue, in its order.
+    /// Events in the tissue, in order of time.
     pub events: Vec<Occurrence>,
-    /// Deformation coefficient of a needle with friction: time, s since the first pose; depth, m; tissue travel over needle travel.
+    /// Deformation coefficient of a needle with friction: time, s since the first pose; depth, m; displacement of the
+    /// tissue over that of the needle.
     pub coefficients: Vec<[f64; 3]>,
     /// Names of the targets.
     pub target_names: Vec<String>,
     /// Their positions over time.
     pub targets: Vec<TargetRow>,
-    /// Explicit steps in all.
+    /// Total number of explicit steps.
     pub steps: u64,
     /// Wall time of building the twin, s.
     pub build_s: f64,
@@ -169,43 +172,44 @@ pub struct Run {
     pub wall_s: f64,
     /// Simulated (or recorded) time, s.
     pub simulated_s: f64,
-    /// Whether somebody waited for the answers: a live run. Else a pose was as late as the machine was slow, and nobody saw it.
+    /// Whether it is a live run, for which latency matters. Otherwise the delay of a pose only reflects the speed of
+    /// the machine.
     pub live: bool,
-    /// Poses that were answered later than the next pose came.
+    /// Number of poses that were answered after the next pose had arrived.
     pub missed_deadlines: u64,
-    /// Poses that were skipped because a newer one had come.
+    /// Number of poses that were skipped because a newer one had arrived.
     pub coalesced_poses: u64,
     /// Reason, if the model diverged.
     pub diverged: Option<String>,
-    /// Smallest volume ratio seen.
+    /// Smallest volume ratio.
     pub min_jacobian: f64,
-    /// Largest kinetic over strain energy seen once the force passed 10% of its peak.
+    /// Largest kinetic over strain energy after the force exceeded 10% of its peak.
     pub max_kinetic_to_strain_energy: f64,
     /// Largest |instrument force + base reaction| over the peak force.
     pub force_imbalance: f64,
     /// Largest constraint error, m.
     pub constraint_error_m: f64,
-    /// Largest share of the strain energy in cells that had turned over.
+    /// Largest share of the strain energy in inverted cells.
     pub folded_energy: f64,
-    /// Depth at which that was first more than the force can be trusted with, m.
+    /// Depth at which that share first exceeded the limit up to which the force is reliable, m.
     pub folded_from_m: Option<f64>,
-    /// Times that the twin went back to the last good state and tried again with smaller steps.
+    /// Number of recoveries: the twin returned to the last good state and repeated the pose with smaller steps.
     pub recoveries: u64,
-    /// Nodes whose support was enlarged, since it did not determine the fit, or only just.
+    /// Number of nodes whose support was enlarged, because it did not determine the fit, or only just.
     pub repaired_supports: usize,
-    /// Radius that the cloud gives a needle, m.
+    /// Effective radius of a needle in the cloud, m.
     pub effective_radius_m: Option<f64>,
     /// Hex of the hash over every predicted force and the final displacement field.
     pub checksum: String,
-    /// What the measured force is (`synthetic bag needle_insertion`, ...); empty where there is none.
+    /// Source of the measured force (`synthetic bag needle_insertion`, ...); empty without one.
     pub measured_source: String,
-    /// What was lost on the way (truncated bag, ...): makes the exit code 3.
+    /// Losses of data (truncated bag, ...): they make the exit code 3.
     pub losses: Vec<String>,
     /// The tissue at the end.
     pub final_state: FinalState,
-    /// The tissue at moments of the run, in order of time.
+    /// The tissue at several times of the run, in order of time.
     pub snapshots: Vec<Snapshot>,
-    /// Regions that the tip comes through.
+    /// Regions along the path of the tip.
     pub along: Along,
     /// Instrument of the scene.
     pub instrument: Option<Instrument>,
@@ -213,10 +217,10 @@ pub struct Run {
     pub scene_toml: String,
     /// Whether force and position were stamped by one clock.
     pub one_clock: bool,
-    /// Times of which nothing was recorded though the instrument may have moved, from and to, s of the recording.
+    /// Intervals without recorded data during which the instrument may have moved, from and to, s of the recording.
     pub holes: Vec<[f64; 2]>,
-    /// Word for what ran: `replay`, `solve`, `demo`.
+    /// Name of the command: `replay`, `solve`, `demo`.
     pub command: String,
-    /// What members with other values of uncertain keys say, where there are some.
+    /// Results of an ensemble, if there is one.
     pub ensemble: Option<ensemble::Ensemble>,
 }

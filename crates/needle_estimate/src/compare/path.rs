@@ -1,23 +1,26 @@
-//! Predicted force along a recorded motion, as a function of time and, on the way in and out, of depth.
+//! Predicted force along a recorded motion, as a function of time and, for insertion and retraction separately, of
+//! depth.
 //!
-//! A shift in time of force against position needs no other run of the twin: it is the same curve, read at another time. A shift of the
-//! contact's depth, c, changes every depth of the run by the same amount; of a quasi-static force it makes nearly
+//! A shift in time of force against position needs no new run of the twin: it is the same curve, evaluated at another
+//! time. A shift of the contact's depth, c, changes every depth of the run by the same amount. For a quasi-static
+//! force this gives approximately
 //!
 //! ```text
 //! F(t; c) = F(t) + G(d(t) - c) - G(d(t))      dF/dc = -G'(d),   dF/dtau = -F'(t)
 //! ```
 //!
-//! with G the run's own force over depth, the way in and the way out for themselves. It is exact where the force is a function of
-//! the depth alone; a search takes its steps by it and runs the twin where it has arrived.
+//! with G the run's own force over depth, for insertion and retraction separately. It is exact if the force is a
+//! function of the depth alone. A search uses it for its steps and runs the twin where they lead.
 
-/// Depths that a curve is kept at.
+/// Number of depths of a curve.
 const BINS: usize = 128;
-/// Half of the time over which the slope of the force is taken, s: a displacement sensor's noise must not make it.
+/// Half of the time over which the slope of the force is taken, s: long enough to suppress a displacement sensor's
+/// noise.
 const SLOPE_S: f64 = 0.05;
-/// Share of the largest depth within which the instrument is turning round.
+/// Share of the largest depth within which the instrument is reversing.
 const TURN: f64 = 0.002;
 
-/// Force over depth on one way; 0 above the surface, straight on beyond the deepest point.
+/// Force over depth in one direction; 0 above the surface, extrapolated linearly beyond the deepest point.
 #[derive(Clone, Debug)]
 struct Curve {
     bin_m: f64,
@@ -34,15 +37,15 @@ impl Curve {
             places[bin] += depth / bin_m;
             counts[bin] += 1.0;
         }
-        // (place in bins, force), the surface first
+        // (depth in bins, force), the surface first
         let filled = (1..=BINS).filter(|&b| counts[b] > 0.0);
         let known: Vec<(f64, f64)> =
             std::iter::once((0.0, 0.0)).chain(filled.map(|b| (places[b] / counts[b], sums[b] / counts[b]))).collect();
         (known.len() > BINS / 8).then(|| Self { bin_m, force_n: (0..=BINS).map(|b| line(&known, b as f64)).collect() })
     }
 
-    /// The same from changes of the force with the depth alone: what a motion sideways does to it at one depth is no part of it. The
-    /// slope in each bin is that of least squares over neighbouring answers.
+    /// The same from changes of the force with the depth alone, without the effect of lateral motion at constant
+    /// depth. The slope in each bin is a least-squares fit over neighbouring answers.
     fn of_changes(points: &[(f64, f64)], deepest_m: f64) -> Option<Self> {
         let bin_m = deepest_m / BINS as f64;
         let (mut products, mut squares) = (vec![0.0; BINS], vec![0.0; BINS]);
@@ -83,7 +86,7 @@ impl Curve {
     }
 }
 
-/// Straight between known points, and straight on beyond the last.
+/// Linear interpolation between known points, and linear extrapolation beyond the last.
 fn line(known: &[(f64, f64)], x: f64) -> f64 {
     let after = known.partition_point(|p| p.0 < x).clamp(1, known.len() - 1);
     let ((x0, y0), (x1, y1)) = (known[after - 1], known[after]);
@@ -96,19 +99,20 @@ pub struct ForcePath {
     time_s: Vec<f64>,
     depth_m: Vec<f64>,
     force_n: Vec<f64>,
-    /// Index from which the instrument is on its way out.
+    /// Index from which the instrument is being retracted.
     turn: usize,
     curves: [Curve; 2],
 }
 
 impl ForcePath {
-    /// From times (s, rising), depths (m) and predicted forces (N); `None` where the instrument doesn't go into the sample.
+    /// From times (s, rising), depths (m) and predicted forces (N); `None` if the instrument does not enter the
+    /// sample.
     #[must_use]
     pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
         Self::with(time_s, depth_m, force_n, |points, deepest_m| Curve::of(points.iter().copied(), deepest_m))
     }
 
-    /// The same of a force across the axis, which motion sideways changes as well.
+    /// The same for a force across the axis, which lateral motion changes as well.
     #[must_use]
     pub fn across(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
         Self::with(time_s, depth_m, force_n, Curve::of_changes)
@@ -139,7 +143,7 @@ impl ForcePath {
         first.is_some_and(|t| *t <= time_s) && last.is_some_and(|t| *t >= time_s)
     }
 
-    /// Place between two samples: index of the later one and the share of the way to it.
+    /// Position of a time between two samples: index of the later one and fraction of the interval.
     fn place(&self, time_s: f64) -> (usize, f64) {
         let after = self.time_s.partition_point(|t| *t < time_s).clamp(1, self.time_s.len() - 1);
         let (t0, t1) = (self.time_s[after - 1], self.time_s[after]);
@@ -156,7 +160,7 @@ impl ForcePath {
         Self::between(&self.depth_m, self.place(time_s))
     }
 
-    /// Force at a time, N, with every depth less by `shallower_m`.
+    /// Force at a time, N, with every depth reduced by `shallower_m`.
     #[must_use]
     pub fn force_n(&self, time_s: f64, shallower_m: f64) -> f64 {
         let place = self.place(time_s);
@@ -195,7 +199,7 @@ impl ForcePath {
 mod tests {
     use super::*;
 
-    /// In at 1 mm/s to 8 mm, out at 4 mm/s.
+    /// Insertion at 1 mm/s to 8 mm, retraction at 4 mm/s.
     fn depth(t: f64) -> f64 {
         if t < 9.0 { 1e-3 * (t - 1.0) } else { 8e-3 - 4e-3 * (t - 9.0) }
     }

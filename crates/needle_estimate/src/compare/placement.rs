@@ -1,26 +1,35 @@
-//! Whether a recorded motion is in the sample's frame at all: the unit and the frame of poses, and the zero of a depth.
+//! Checks whether a recorded motion is in the sample's frame: the unit and the frame of poses, and the zero of a
+//! depth.
 
 use needle_core::twin::{Pose, StampedPose, Twin};
 use needle_recording::{At, ForceSeries, Reading};
 
-/// A tip that stays farther away than so many heights or reaches of the sample is in another frame, or in another unit.
+/// If the tip stays farther away than this many heights or reaches of the sample, the poses are in another frame or
+/// unit.
 const FAR: f64 = 3.0;
-/// Units that poses come in, m.
+/// Possible units of poses, m.
 const UNITS: [(&str, f64); 4] = [("mm", 1e-3), ("um", 1e-6), ("cm", 1e-2), ("in", 0.0254)];
-/// Share of the reach that a needle may be in at the beginning.
+/// Largest share of the reach that the needle may already be inserted at the start.
 const BEGUN: f64 = 0.3;
-/// Poses of a coarse run.
+/// Number of poses of a coarse run.
 const POSES: u32 = 16;
-/// Depths at which a contact is looked for.
+/// Number of depths at which a contact is tried.
 const CONTACTS: u32 = 240;
-/// Readings that are looked at for it.
+/// Number of readings used for it.
 const LOOKED_AT: usize = 400;
-/// A force counts from so many times its noise on.
+/// A force is significant above this multiple of its noise.
 const CLEAR: f64 = 10.0;
-/// Share of the way that a depth at the surface may pass it by: a displacement sensor's noise.
+/// Smallest share of the axial force at which a lateral force on a straight insertion is refused: 19 degrees, an error
+/// of 6 % of the force.
+const BESIDE: f64 = 0.35;
+/// Largest share of the squared forces off their common direction.
+const ONE_DIRECTION: f64 = 0.01;
+/// Smallest cosine of the tilt of an instrument that counts as upright.
+const STRAIGHT: f64 = 0.999;
+/// Tolerance of a depth at the surface, as a share of the insertion: a displacement sensor's noise.
 const SURFACE: f64 = 0.02;
 
-/// What is wrong with the frame or the unit of poses, with what is likely.
+/// Reports a wrong frame or unit of the poses, with the likely cause.
 pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
     let pose = |r: &Reading| if let At::Pose(pose) = r.at { Some(pose) } else { None };
     let poses: Vec<Pose> = readings.iter().filter_map(pose).filter(|p| p.tip.iter().all(|x| x.is_finite())).collect();
@@ -69,35 +78,77 @@ pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
     ))
 }
 
-/// What to say of a force that lies across an instrument that only goes straight in: the sensor is turned.
+/// Reports a rotated sensor: the force has a constant direction off the axis although the instrument moves along it.
 pub(super) fn turned(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<String> {
     let axis = twin.pose_at_depth(0.0).axis;
-    let of = |r: &Reading| if let At::Depth(depth) = r.at { Some((depth, measured.at(r.time_s)?)) } else { None };
+    let depth = |r: &Reading| match r.at {
+        At::Depth(depth) => Some(depth),
+        // beside an oblique instrument there is a force in truth
+        At::Pose(pose) => (dot(pose.axis, axis) > STRAIGHT && axis[2] < -STRAIGHT).then(|| twin.depth_of(&pose)),
+    };
+    let of = |r: &Reading| Some((depth(r)?, measured.at(r.time_s)?));
     let rows: Vec<(f64, [f64; 3])> = readings.iter().filter_map(of).filter(|(d, _)| d.is_finite()).collect();
-    let idle = rows.len() / 50;
-    let zero: [f64; 3] =
-        std::array::from_fn(|k| rows.iter().take(idle.max(5)).map(|r| r.1[k]).sum::<f64>() / idle.max(5) as f64);
+    let idle = (rows.len() / 50).max(5);
     let deep = rows.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
-    let loaded: Vec<[f64; 3]> =
-        rows.iter().filter(|(d, _)| *d > 0.8 * deep).map(|(_, f)| std::array::from_fn(|k| f[k] - zero[k])).collect();
-    let mean: [f64; 3] = std::array::from_fn(|k| loaded.iter().map(|f| f[k]).sum::<f64>() / loaded.len().max(1) as f64);
-    let along = dot(mean, axis).abs();
-    let scatter = loaded.iter().map(|f| (0..3).map(|k| (f[k] - mean[k]).powi(2)).sum::<f64>()).sum::<f64>()
+    if rows.len() < 64 || 2 * rows.len() < readings.len() || deep <= 0.0 {
+        return None;
+    }
+    let zero = mean(rows[..idle].iter().map(|r| r.1));
+    let without = |f: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| f[k] - zero[k]) };
+    let loaded: Vec<[f64; 3]> = rows.iter().filter(|(d, _)| *d > 0.8 * deep).map(|(_, f)| without(*f)).collect();
+    let force = mean(loaded.iter().copied());
+    let along = dot(force, axis).abs();
+    let across = (dot(force, force) - along * along).max(0.0).sqrt();
+    let scatter = loaded.iter().map(|f| (0..3).map(|k| (f[k] - force[k]).powi(2)).sum::<f64>()).sum::<f64>()
         / loaded.len().max(1) as f64;
-    let across = (dot(mean, mean) - along * along).max(0.0).sqrt();
-    let largest = (0..3).max_by(|a, b| mean[*a].abs().total_cmp(&mean[*b].abs()))?;
-    (rows.len() >= 64 && deep > 0.0 && across > along && across > 2.0 * scatter.sqrt()).then(|| {
+    // of a sensor that is turned all forces have one direction, but for its noise
+    let size = norm(force);
+    let (sum, beside) = rows.iter().map(|(_, f)| without(*f)).fold((0.0, 0.0), |(sum, beside), f| {
+        let on = dot(f, force) / size;
+        (sum + dot(f, f), beside + (dot(f, f) - on * on).max(0.0))
+    });
+    let steady = beside < ONE_DIRECTION * sum;
+    let clear = across > 2.0 * scatter.sqrt() || steady;
+    if !(clear && (across > along || (across > BESIDE * along && steady))) {
+        return None;
+    }
+    let what = if across > along {
+        let largest = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
+        let name = ["x", "y", "z"][largest];
+        format!("mainly along {name} ({:.4} N, and {along:.4} N along the instrument)", force[largest])
+    } else {
+        let angle = across.atan2(along).to_degrees();
         format!(
-            "deep in the sample the force is mainly along {} ({:.4} N, and {along:.4} N along the instrument): the sensor is turned against the \
-             sample; give the rotation from its frame to the sample's with --sensor-rotation W,X,Y,Z",
-            ["x", "y", "z"][largest],
-            mean[largest]
+            "{angle:.0} degrees beside the instrument ({across:.4} N across it, {along:.4} N along it), in one direction"
         )
-    })
+    };
+    let [w, x, y, z] = rotation(force, axis)?;
+    Some(format!(
+        "deep in the sample the force is {what}: the sensor is turned against the sample; give the rotation from its frame to the sample's with \
+         --sensor-rotation W,X,Y,Z ({w:.5},{x:.5},{y:.5},{z:.5} is the least that puts the force along the instrument)"
+    ))
 }
 
-/// The recorded depth at which the sample is likely touched, m, where by the recorded depths it never is and the load cell has clearly
-/// felt it.
+fn mean(of: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
+    let (sum, count) = of.fold(([0.0; 3], 0_usize), |(sum, n), f| (std::array::from_fn(|k| sum[k] + f[k]), n + 1));
+    sum.map(|x: f64| x / count.max(1) as f64)
+}
+
+/// The least rotation, w, x, y, z, that turns a force to one that resists an instrument along an axis.
+fn rotation(force: [f64; 3], axis: [f64; 3]) -> Option<[f64; 4]> {
+    let (from, to) = (force.map(|f| f / norm(force)), axis.map(|a| -a));
+    let cross: [f64; 3] = std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        from[i] * to[j] - from[j] * to[i]
+    });
+    let [w, x, y, z] = [1.0 + dot(from, to), cross[0], cross[1], cross[2]];
+    let size = (w * w + dot(cross, cross)).sqrt();
+    // half a turn has no one axis
+    (size > 1e-6).then(|| [w, x, y, z].map(|part| (part / size * 1e5).round() * 1e-5 + 0.0))
+}
+
+/// Likely recorded depth of first contact, m, if the recorded depths never reach the sample but the load cell clearly
+/// shows contact.
 #[must_use]
 pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<f64> {
     let pairs = super::scale::pairs(twin, readings, measured);
@@ -119,7 +170,8 @@ pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> O
     (range > CLEAR * noise).then_some(contact)
 }
 
-/// What to say of a sample that is never touched; `reading` is the recorded number there, if it is not the depth in m.
+/// The message if the sample is never touched. `reading` is the recorded number at the contact, if it is not the
+/// depth in m.
 #[must_use]
 pub fn never_touched(contact_m: f64, reading: Option<f64>) -> String {
     let what = reading.map_or_else(
@@ -133,7 +185,7 @@ pub fn never_touched(contact_m: f64, reading: Option<f64>) -> String {
     )
 }
 
-/// Depths and predicted forces of a coarse way in, the surface first.
+/// Depths and predicted forces of a coarse insertion, the surface first.
 fn curve(twin: &Twin, depth_m: f64) -> Option<Vec<(f64, f64)>> {
     let mut double = twin.double();
     super::scale::limit_steps(&mut double, twin);
@@ -147,7 +199,8 @@ fn curve(twin: &Twin, depth_m: f64) -> Option<Vec<(f64, f64)>> {
     curve.iter().all(|(_, f)| f.is_finite()).then_some(curve)
 }
 
-/// What a curve that begins at a contact leaves of the readings, by its size and the load cell's zero.
+/// Residual of the readings against a curve that begins at a contact, with its factor and the load cell's zero
+/// fitted.
 fn left(way: &[(f64, f64)], curve: &[(f64, f64)], contact: f64) -> Option<f64> {
     let model = |depth: f64| {
         let d = depth - contact;

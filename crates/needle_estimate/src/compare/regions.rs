@@ -1,22 +1,22 @@
-//! Where along the depth the tip was in which region.
+//! The tip's region over the depth.
 
 use super::Run;
 
-/// A stretch of depths in which the tip is in one region.
+/// An interval of depths in which the tip is in one region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Depths {
     /// Number of the region; 0 is the sample's own material.
     pub region: u8,
     /// Its name.
     pub name: String,
-    /// Where it begins, m.
+    /// Depth at its start, m.
     pub from: f64,
-    /// Where it ends, m.
+    /// Depth at its end, m.
     pub to: f64,
 }
 
 impl Run {
-    /// Regions over the depth of the insertion; empty where the scene has none.
+    /// Regions over the depth of the insertion; empty if the scene has none.
     #[must_use]
     pub fn regions_over_depth(&self) -> Vec<Depths> {
         let mut found: Vec<Depths> = Vec::new();

@@ -1,43 +1,45 @@
-//! Predicted and measured force side by side, in the order of time: what is judged and aligned.
+//! Predicted and measured force in order of time: the input of verdict and alignment.
 
 use super::{Answer, Run};
 use needle_core::twin::Phase;
 
-/// After a bonded instrument has lifted off, the twin's tissue oscillates for less than this, s; the force is not quasi-static then.
+/// Time for which the twin's tissue oscillates after a bonded instrument has separated, s (upper bound). The force is
+/// not quasi-static then.
 pub(super) const SWINGS_S: f64 = 0.3;
-/// Fewest readings before the contact that tell the load cell's zero.
+/// Fewest readings before the contact that determine the load cell's zero.
 const LEAST_IDLE: usize = 8;
 
-/// One entry per reading. Measured forces are less the load cell's zero.
+/// One entry per reading. The load cell's zero is subtracted from measured forces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
-    /// s
+    /// Time, s.
     pub time_s: Vec<f64>,
     /// Depth of the tip, m.
     pub depth_m: Vec<f64>,
-    /// N, positive against the insertion.
+    /// Predicted force, N, positive against the insertion.
     pub predicted_n: Vec<f64>,
-    /// The same.
+    /// Measured force, N, with the same sign.
     pub measured_n: Vec<f64>,
-    /// Peak of the force of which this is a component, N; 0 for a force of its own.
+    /// Peak of the force of which this is a component, N; 0 if it is not a component.
     pub whole_n: f64,
-    /// What was taken off as the load cell's zero, N.
+    /// The load cell's zero that was subtracted, N.
     pub zero_n: f64,
-    /// Whether force and position were stamped by one clock: no offset between them is looked for.
+    /// Whether force and position were stamped by one clock. Then no offset between them is estimated.
     pub one_clock: bool,
-    /// What of the load cell an alignment may not take for free, of its drift and its zero: it is known.
+    /// How many of the load cell's drift and zero are known. An alignment does not estimate these.
     pub known: usize,
 }
 
 impl Rows {
-    /// The answers of a run that have a measured force, but those of a tissue that an instrument has just let go.
+    /// The answers of a run that have a measured force, except while the tissue oscillates after the instrument
+    /// separated.
     #[must_use]
     pub fn of(run: &Run) -> Self {
         Self::pairs(run, |a| Some((a.predicted_n, a.measured_n?)))
     }
 
-    /// The same of one component of the force in frame `sample`, 0 to 2 for x to z, where the load cell measured a vector. Its size is
-    /// judged against the whole force's.
+    /// The same for one component of the force in frame `sample`, 0 to 2 for x to z, if the load cell measured a
+    /// vector. It is judged relative to the size of the whole force.
     #[must_use]
     pub fn of_component(run: &Run, k: usize) -> Self {
         let of = |a: &Answer| a.measured_vector_n.map(|measured| (a.predicted_vector_n[k], measured[k]));
@@ -58,7 +60,8 @@ impl Rows {
         Self { one_clock: run.one_clock, ..Self::new(column(0), column(1), column(2), column(3)) }
     }
 
-    /// From columns of equal length: times in s, depths in m, predicted and measured forces in N, of which the load cell's zero is taken off.
+    /// From columns of equal length: times in s, depths in m, predicted and measured forces in N. The load cell's
+    /// zero is estimated and subtracted.
     #[must_use]
     pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, predicted_n: Vec<f64>, measured_n: Vec<f64>) -> Self {
         let mut rows = Self { time_s, depth_m, predicted_n, measured_n, ..Self::default() };
@@ -79,7 +82,7 @@ impl Rows {
         self.time_s.is_empty()
     }
 
-    /// Median of what the load cell reads in the first half of the time before the first contact, N.
+    /// Median reading of the load cell in the first half of the time before the first contact, N.
     fn idle(&self) -> Option<f64> {
         let contact = self.depth_m.iter().position(|d| *d > 0.0).unwrap_or(self.len());
         let mut idle = self.measured_n[..contact.div_ceil(2)].to_vec();
@@ -93,8 +96,8 @@ impl Rows {
         self.predicted_n[i] - self.measured_n[i]
     }
 
-    /// Largest predicted or measured force, N; of the measured ones the hundredth of all that are largest doesn't count, since a
-    /// knock is no peak.
+    /// Largest predicted or measured force, N. The largest hundredth of the measured ones is ignored, because knocks
+    /// are not a peak.
     #[must_use]
     pub fn peak_n(&self) -> f64 {
         let mut sizes: Vec<f64> = self.measured_n.iter().map(|m| m.abs()).collect();
@@ -103,20 +106,20 @@ impl Rows {
         self.predicted_n.iter().map(|p| p.abs()).fold(measured.max(self.whole_n), f64::max)
     }
 
-    /// m; 0 where the instrument stays above the sample.
+    /// Largest depth, m; 0 if the instrument stays above the sample.
     #[must_use]
     pub fn deepest_m(&self) -> f64 {
         self.depth_m.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Readings at which the predicted or the measured force is more than a share of the peak.
+    /// Readings at which the predicted or the measured force exceeds a share of the peak.
     #[must_use]
     pub fn loaded(&self, share: f64) -> Vec<usize> {
         let least = share * self.peak_n();
         (0..self.len()).filter(|&i| self.predicted_n[i].abs().max(self.measured_n[i].abs()) > least).collect()
     }
 
-    /// Standard deviation of the residuals of some readings about a straight line, N, and the correlation of neighbours.
+    /// Standard deviation of some readings' residuals about a straight line, N, and the correlation of neighbours.
     #[must_use]
     pub fn scatter(&self, of: &[usize]) -> (f64, f64) {
         let n = of.len() as f64;
@@ -130,7 +133,7 @@ impl Rows {
         ((squares / (n - 2.0).max(1.0)).sqrt(), if squares > 0.0 { products / squares } else { 0.0 })
     }
 
-    /// Correlation of neighbouring residuals, their mean taken off.
+    /// Correlation of neighbouring residuals, after subtraction of their mean.
     #[must_use]
     pub fn autocorrelation(&self) -> Option<f64> {
         let n = self.len();
@@ -141,7 +144,7 @@ impl Rows {
         Some(products / squares).filter(|c| c.is_finite())
     }
 
-    /// Share of the residuals' sum of squares in each of some equal parts of the depth.
+    /// Share of the residuals' sum of squares in each of several equal parts of the depth.
     #[must_use]
     pub fn shares(&self, parts: usize) -> Vec<f64> {
         let mut sums = vec![0.0; parts];
@@ -155,7 +158,7 @@ impl Rows {
     }
 }
 
-/// Which answers are not of a tissue that an instrument has just let go.
+/// Which answers are outside the oscillation of tissue that has just separated from the instrument.
 #[must_use]
 pub fn at_rest(answers: &[Answer]) -> Vec<bool> {
     let mut left_s = f64::NEG_INFINITY;

@@ -1,8 +1,9 @@
-//! Whether a recording can be of a scene at all: units, signs and sizes, before any time is spent on it.
+//! Checks units, signs and sizes of a recording against the scene, before any time is spent on a fit.
 //!
-//! Depth against the sample's height; the sign of both by the way in, where force and depth rise together; the size of the force against
-//! that of a coarse run of the model through the first millimetres. A modulus may be wrong by ten, a unit is wrong by a thousand:
-//! what is between is left to the fit.
+//! The checks: the depth against the sample's height; the signs of both during the insertion, in which force and
+//! depth rise together; the size of the force against that of a coarse run of the model through the first
+//! millimetres. A modulus may be wrong by a factor of ten, a unit by a factor of a thousand. Factors in between are
+//! left to the fit.
 
 use super::placement::{misplaced, never_touched, turned, unreached};
 use super::rows::Rows;
@@ -10,7 +11,7 @@ use needle_core::scene::{Dimension, Preset, Scene};
 use needle_core::twin::{StampedPose, Twin};
 use needle_recording::{At, ForceSeries, Reading};
 
-/// Units that positions and forces come in, in m and N, and how unlikely each is (in factors of e).
+/// Possible units of positions and forces, in m and N, with a penalty (a natural logarithm) for unlikely ones.
 const LENGTHS: [(&str, f64, f64); 4] =
     [("mm", 1e-3, 0.0), ("cm", 1e-2, 1.2), ("um", 1e-6, 0.0), ("inches", 0.0254, 1.2)];
 const FORCES: [(&str, f64, f64); 6] = [
@@ -21,31 +22,32 @@ const FORCES: [(&str, f64, f64); 6] = [
     ("kilogram-force", 9.80665, 1.2),
     ("pound-force", 4.448_221_615, 1.2),
 ];
-/// Units that moduli are written in, Pa, and shear moduli of soft matter: below the first there is none, below the second it is rare.
+/// Possible units of moduli, Pa, and shear moduli of soft matter: none is below the first limit, and few below the
+/// second.
 const PRESSURES: [(&str, f64); 3] = [("kPa", 1e3), ("MPa", 1e6), ("GPa", 1e9)];
 const TOO_SOFT_PA: f64 = 20.0;
 const SOFT_PA: f64 = 200.0;
-/// How unlikely it is that the scene is another one.
+/// Penalty for the assumption that the recording belongs to another scene.
 const OTHER_SCENE: f64 = 0.5;
-/// Depths beyond the model's reach by this factor are of another unit.
+/// Depths beyond the model's reach by this factor indicate another unit.
 const TOO_DEEP: f64 = 3.0;
-/// Forces off by this factor are no matter of a modulus.
+/// A factor of the force that a wrong modulus does not explain.
 const TOO_FAR: f64 = 60.0;
-/// Correlation of force and depth from which a sign is known.
+/// Correlation of force and depth above which the sign is reliable.
 const CLEAR: f64 = 0.5;
-/// Part of the height that the coarse run goes through.
+/// Share of the height that the coarse run covers.
 const PROBE: f64 = 0.2;
-/// Poses of the coarse run, and explicit steps of each in a half plane and in space.
+/// Poses of the coarse run, and explicit steps of each pose in a half plane and in space.
 const POSES: u32 = 16;
 const STEPS: [u32; 2] = [60, 12];
-/// Poses at its end in which the tissue comes to rest.
+/// Poses at its end for the tissue to reach equilibrium.
 const RESTING: u32 = 4;
-/// Fewest readings that say anything.
+/// Fewest readings for the checks.
 const LEAST: usize = 64;
-/// Share of the readings at either end that may be nonsense.
+/// Share of the readings at either end of the range that may be outliers.
 const NONSENSE: f64 = 0.01;
 
-/// Depth and axial force of the readings that have one, in the order of time.
+/// Depth and axial force of the readings that have a force, in order of time.
 pub(super) fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Vec<(f64, f64)> {
     let axial = |reading: &Reading| {
         let (depth, axis) = match reading.at {
@@ -58,8 +60,8 @@ pub(super) fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -
     readings.iter().filter_map(axial).filter(|(d, f)| d.is_finite() && f.is_finite()).collect()
 }
 
-/// What is wrong with units, signs or scene of a recording, with what is likely; `None` where nothing is.
-/// `named` is the scene that the recording says it was made for.
+/// Reports a mistake in units, signs or scene of a recording with its likely cause; `None` if there is none. `named`
+/// is the scene that the recording claims to be made for.
 #[must_use]
 pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named: Option<&str>) -> Option<String> {
     let all: Vec<f64> = readings.iter().map(|r| depth(twin, r)).filter(|d| d.is_finite()).collect();
@@ -91,7 +93,7 @@ fn depth(twin: &Twin, reading: &Reading) -> f64 {
     }
 }
 
-/// Least and largest value but for what may be nonsense.
+/// Least and largest value without outliers.
 fn ends(values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -121,7 +123,7 @@ fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
     ))
 }
 
-/// Correlation of two columns; 0 where one doesn't change.
+/// Correlation of two columns; 0 if one is constant.
 fn correlation(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let (a, b) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
@@ -131,7 +133,7 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     if both > 0.0 { sum(&|p| (p.0 - a) * (p.1 - b)) / both } else { 0.0 }
 }
 
-/// What the load cell reads where nothing touches it: the start of a recording.
+/// Reading of the load cell before contact: at the start of a recording.
 fn zero(pairs: &[(f64, f64)]) -> f64 {
     let mut first: Vec<f64> = pairs[..(pairs.len() / 50).max(5)].iter().map(|p| p.1).collect();
     first.sort_unstable_by(f64::total_cmp);
@@ -151,7 +153,7 @@ fn position_sign(pairs: &[(f64, f64)], shallow: f64, deep: f64) -> Option<String
     })
 }
 
-/// The way in, up to the deepest reading.
+/// The insertion, up to the deepest reading.
 pub(super) fn way_in(pairs: &[(f64, f64)]) -> &[(f64, f64)] {
     let deepest = pairs.iter().enumerate().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).map_or(0, |d| d.0);
     &pairs[..=deepest]
@@ -168,12 +170,12 @@ fn force_sign(pairs: &[(f64, f64)]) -> Option<String> {
     })
 }
 
-/// Makes a run a coarse one.
+/// Limits the steps of a twin for a coarse run.
 pub(super) fn limit_steps(double: &mut Twin, of: &Twin) {
     double.limit_steps(STEPS[usize::from(of.dimension() != Dimension::Axisymmetric)]);
 }
 
-/// Predicted force at the end of a coarse run to a depth, N, from the undeformed state.
+/// Predicted force at the end of a coarse insertion to a depth, N, from the undeformed state.
 fn probe(twin: &Twin, depth_m: f64) -> Option<f64> {
     let mut double = twin.double();
     limit_steps(&mut double, twin);
@@ -187,7 +189,7 @@ fn probe(twin: &Twin, depth_m: f64) -> Option<f64> {
     force.filter(|f| f.is_finite())
 }
 
-/// Median of the measured forces near a depth on the way in, N.
+/// Median of the measured forces near a depth during the insertion, N.
 fn measured_at(pairs: &[(f64, f64)], depth_m: f64) -> Option<f64> {
     let zero = zero(pairs);
     let near = |d: f64| (0.9..=1.1).contains(&(d / depth_m));
@@ -196,14 +198,14 @@ fn measured_at(pairs: &[(f64, f64)], depth_m: f64) -> Option<f64> {
     (forces.len() >= 5).then(|| forces[forces.len() / 2])
 }
 
-/// Standard deviation of a reading, by second differences, N.
+/// Standard deviation of a reading's noise from second differences, N.
 pub(super) fn noise(pairs: &[(f64, f64)]) -> f64 {
     let mut seconds: Vec<f64> = pairs.windows(3).map(|w| (w[0].1 - 2.0 * w[1].1 + w[2].1).abs()).collect();
     seconds.sort_unstable_by(f64::total_cmp);
     seconds[seconds.len() / 2] / (0.6745 * 6f64.sqrt())
 }
 
-/// What is wrong with unit or sign of the forces that have come so far in a live run, with what is likely.
+/// Reports a mistake in unit or sign of the forces so far in a live run, with the likely cause.
 #[must_use]
 pub fn glance(rows: &Rows) -> Option<String> {
     let loaded = rows.loaded(0.02);
@@ -211,7 +213,7 @@ pub fn glance(rows: &Rows) -> Option<String> {
     let (p, m) = (|i: usize| rows.predicted_n[i], |i: usize| rows.measured_n[i]);
     let (pp, mm, pm) = (sum(&|i| p(i) * p(i)), sum(&|i| m(i) * m(i)), sum(&|i| p(i) * m(i)));
     let ratio = pm / pp;
-    // noise alone has no size and no sign
+    // noise alone has neither size nor sign
     if !ratio.is_finite() || pm.abs() < CLEAR * (pp * mm).sqrt() {
         return None;
     }
@@ -249,7 +251,7 @@ fn size(twin: &Twin, pairs: &[(f64, f64)], deep: f64, named: Option<&str>) -> Op
     ))
 }
 
-/// Name of the unit that a force is likely in which is `ratio` times what it should be; and how far off it is with it.
+/// Likely unit of a force that is `ratio` times too large, and the remaining deviation with that unit.
 #[must_use]
 pub fn unit_of(ratio: f64) -> (&'static str, f64) {
     let score = |(_, n, penalty): &(&str, f64, f64)| (ratio * n).ln().abs() + penalty;
@@ -257,7 +259,7 @@ pub fn unit_of(ratio: f64) -> (&'static str, f64) {
     best.map_or(("", f64::INFINITY), |unit| (unit.0, score(unit)))
 }
 
-/// The unit that the scene's modulus is likely in, of a material that is `ratio` times as stiff; `None` where it may well be in Pa.
+/// Likely unit of the scene's modulus, for a material `ratio` times as stiff; `None` if it may well be in Pa.
 fn modulus_unit(scene: &Scene, ratio: f64) -> Option<String> {
     let modulus = scene.material.shear_modulus();
     let off = |unit: f64| (ratio / unit).ln().abs();
@@ -269,7 +271,7 @@ fn modulus_unit(scene: &Scene, ratio: f64) -> Option<String> {
     })
 }
 
-/// Unit or scene with which the force would fit best.
+/// Unit or scene for which the force would fit best.
 fn likely(twin: &Twin, ratio: f64, measured: f64, depth_m: f64, named: Option<&str>) -> String {
     let own = &twin.scene().name;
     if let Some(named) = named.filter(|named| named != own) {

@@ -1,27 +1,27 @@
-//! Figures that tell whether a run's forces are those of a quasi-static equilibrium, each with the bound that says so.
+//! Indicators of whether a run's forces are those of a quasi-static equilibrium, each with its bound.
 
 use super::Run;
 use needle_core::twin::Health;
 
-/// Volume ratio from which on a cell counts as folded.
+/// Volume ratio below which a cell counts as inverted.
 const FOLDED: f64 = 0.1;
 
 /// A row of the stability table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StabilityRow {
-    /// What it is.
+    /// Name of the indicator.
     pub name: &'static str,
     /// Its value, in the unit below.
     pub value: f64,
-    /// `m` or nothing.
+    /// `m` or empty.
     pub unit: &'static str,
-    /// Whether it holds.
+    /// Whether the bound holds.
     pub holds: bool,
     /// The bound in words.
     pub bound: &'static str,
-    /// What it says.
+    /// What the indicator means.
     pub about: &'static str,
-    /// What to do where it doesn't hold.
+    /// What to do if the bound is violated.
     pub remedy: &'static str,
 }
 
@@ -82,7 +82,7 @@ impl Run {
         ]
     }
 
-    /// Takes up what share of the strain energy was in folded cells at a depth.
+    /// Notes the share of the strain energy in inverted cells at a depth.
     pub fn note_folds(&mut self, depth_m: f64, folded_energy: f64) {
         self.folded_energy = self.folded_energy.max(folded_energy);
         if folded_energy >= Health::MOST_FOLDED {
@@ -90,7 +90,7 @@ impl Run {
         }
     }
 
-    /// What of the stability table doesn't hold, a line each; nothing of a run without answers.
+    /// The violated bounds, a line each; empty for a run without answers.
     #[must_use]
     pub fn unstable(&self) -> Vec<String> {
         if self.answers.is_empty() {
@@ -111,7 +111,8 @@ impl Run {
         lines
     }
 
-    /// Whether the largest force of the run is a peak, and not the spike of tissue that folds or of a solution that is lost.
+    /// Whether the largest force of the run is a peak, and not an artefact of inverted cells or of a diverged
+    /// solution.
     #[must_use]
     pub fn has_peak(&self) -> bool {
         self.diverged.is_none() && self.min_jacobian > FOLDED

@@ -7,38 +7,42 @@
 //! systematic   C = s^2 G K G^T,   G = N^-1 J^T diag(F + 0.05 F_max),   K_ij = mean over a of exp(-(d_i - d_j)^2 / (2 a^2))
 //! ```
 //!
-//! Residuals of neighbouring readings are correlated, so the first line counts their products as well (Newey and West,
-//! Econometrica 55, 1987; L = 1.3 sqrt(n): Lazarus, Lewis, Stock and Watson, J. Bus. Econ. Stat. 36, 2018); it is never taken
-//! for less than independent residuals would give. The second line is what a force that is wrong by a share s (standard), varying
-//! over the depth d within the lengths a, does to the estimate: no number of readings makes that smaller. Of several components of the
-//! force half of that variance is common to all, half each one's own.
+//! Residuals of neighbouring readings are correlated, so the first line includes their products (Newey and West,
+//! Econometrica 55, 1987; L = 1.3 sqrt(n): Lazarus, Lewis, Stock and Watson, J. Bus. Econ. Stat. 36, 2018). It is
+//! never smaller than the error for independent residuals.
+//!
+//! The second line is the effect of a relative force error with standard deviation s. The error varies over the depth
+//! d with the correlation lengths a. No number of readings reduces it. For several components of the force, half of
+//! that variance is common to all, and half belongs to each component.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Relative standard uncertainty of the force that no number of readings reduces. Discretisation: the needle's force is within
-/// 2 % (docs/lab/verification.md); non-linearity of a load cell of 0.25 % of its range: 1 % of a small force. A limit of a is a
-/// standard uncertainty of a / sqrt(3), and the two add by their squares.
+/// Relative standard uncertainty of the force that no number of readings reduces. Discretisation: the needle's force
+/// is within 2 % (docs/lab/verification.md). Load cell: a non-linearity of 0.25 % of its range is 1 % of a small
+/// force. A limit of a is a standard uncertainty of a / sqrt(3), and the two are added in quadrature.
 pub const FORCE_ERROR: f64 = 0.013;
-/// Lengths over which the systematic error varies, over the largest depth: half of its variance is that of a wrong size, half
-/// that of a wrong shape.
+/// Correlation lengths of the systematic error, over the largest depth. Half of its variance belongs to each: the
+/// long one is an error of size, the short one of shape.
 const LENGTHS: [f64; 2] = [0.5, 0.1];
-/// Every force has at least the error of this share of the largest force: near the surface the relative error is larger (the
-/// needle's force is up to 1.6 % off at 1 mm in the half plane, where it is 2 % of its peak; it was 5.5 % when this was chosen).
+/// Every force has at least the error of this share of the largest force: near the surface the relative error is
+/// larger. The needle's force is up to 1.6 % off at 1 mm in the half plane, where it is 2 % of its peak. It was 5.5 %
+/// when this was chosen.
 pub const FLOOR: f64 = 0.05;
-/// Share of the variance that all components of a force have in common: a wrong size of all, against a wrong shape of each.
+/// Share of the variance that all components of a force have in common: an error of size of all, against an error of
+/// shape of each.
 const COMMON: f64 = 0.5;
-/// Depths that the systematic error is taken at.
+/// Number of depths at which the systematic error is evaluated.
 const BINS: usize = 128;
-/// Least ratio of eigenvalues of the scaled normal matrix: below it, columns are the same to rounding.
+/// Smallest ratio of eigenvalues of the scaled normal matrix. Below it, columns are equal to rounding.
 const LEAST_EIGENVALUE: f64 = 1e-12;
 /// Largest number of terms of the first line, over sqrt(n).
 const LAGS: f64 = 1.3;
-/// From this condition index on, and with this share of the variance of two unknowns, these can't be told apart (Belsley, Kuh
-/// and Welsch, Regression Diagnostics, 1980, section 3.2).
+/// Unknowns are indistinguishable above this condition index, if they have at least this share of variance in common
+/// (Belsley, Kuh and Welsch, Regression Diagnostics, 1980, section 3.2).
 const CONDITION_INDEX: f64 = 30.0;
 const VARIANCE_SHARE: f64 = 0.5;
 
-/// What the derivatives of the residuals say about each unknown.
+/// Decomposition of the derivatives of the residuals by the unknowns.
 #[derive(Clone, Debug)]
 pub struct Uncertainty {
     /// Lengths of the columns of J; 0: no effect on the force.
@@ -73,14 +77,15 @@ impl Uncertainty {
         self.values.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Whether the data say anything about an unknown: it has an effect, and it is not the same as that of others.
+    /// Whether the data determine an unknown: it has an effect, and the effect is not a combination of those of
+    /// others.
     #[must_use]
     pub fn is_determined(&self, unknown: usize) -> bool {
         let lost = |m: usize| self.values[m] <= LEAST_EIGENVALUE * self.largest();
         self.has_effect(unknown) && (0..self.values.len()).all(|m| !lost(m) || self.vectors[(unknown, m)].abs() < 1e-3)
     }
 
-    /// N^-1, with zero for what is not determined.
+    /// N^-1, with zero for unknowns that are not determined.
     fn inverse(&self) -> DMatrix<f64> {
         let k = self.lengths.len();
         let least = LEAST_EIGENVALUE * self.largest();
@@ -94,7 +99,7 @@ impl Uncertainty {
         })
     }
 
-    /// Covariance by the noise in the residuals.
+    /// Covariance from the noise in the residuals.
     #[must_use]
     pub fn noise(&self, jacobian: &DMatrix<f64>, residuals: &[f64]) -> DMatrix<f64> {
         let (n, k) = jacobian.shape();
@@ -116,8 +121,9 @@ impl Uncertainty {
         DMatrix::from_fn(k, k, |a, b| factor[a] * correlated[(a, b)] * factor[b])
     }
 
-    /// Covariance by a force that is wrong by `share` of itself (standard), slowly varying over the depth in m. The rows are those of one
-    /// component of the force after the other, as many of each, which the derivatives have with these `weights`.
+    /// Covariance from a relative error `share` of the force (standard deviation) that varies slowly over the depth
+    /// in m. The rows are those of the components of the force in turn, with equal numbers; the derivatives include
+    /// these `weights`.
     #[must_use]
     pub fn systematic(
         &self,
@@ -160,7 +166,8 @@ impl Uncertainty {
         }
     }
 
-    /// Groups of unknowns that the data can't tell apart: changes of one that those of the others all but undo.
+    /// Groups of unknowns that the data can't distinguish: a change of one is nearly compensated by changes of the
+    /// others.
     #[must_use]
     pub fn indistinguishable(&self) -> Vec<Vec<usize>> {
         let k = self.lengths.len();
@@ -220,7 +227,7 @@ mod tests {
             }
             let share = f64::from(inside) / runs as f64;
             println!("correlation {phi}: {:.1} % of 95 % intervals hold the truth", 100.0 * share);
-            // the correction for correlated noise is known to fall a little short
+            // the correction for correlated noise is known to be slightly too small
             assert!((0.85..=0.99).contains(&share), "{phi}: {share}");
         }
     }
@@ -232,7 +239,7 @@ mod tests {
         let modulus = 1678.0;
         let jacobian = DMatrix::from_fn(1000, 1, |i, _| force[i] / modulus);
         let error = Uncertainty::new(&jacobian).systematic(&jacobian, &force, &depth, 0.01, &[1.0])[(0, 0)].sqrt();
-        // most of the weight lies at the deep end, within which the error varies little
+        // most of the weight is at the deep end, where the error varies little
         assert!((0.008..=0.011).contains(&(error / modulus)), "{error}");
     }
 

@@ -1,21 +1,27 @@
-//! Whether the model explains a measurement: the residuals against what noise, load cell and discretisation explain.
+//! Whether the model explains a measurement: compares the residuals with what noise, load cell and discretisation
+//! explain.
 //!
-//! The residuals under load, r = F - F_measured, are averaged over blocks of neighbouring readings. If the model is right, the blocks'
-//! means have the covariance
+//! The residuals under load, r = F - F_measured, are averaged over blocks of neighbouring readings. If the model is
+//! right, the block means have the covariance
 //!
 //! ```text
 //! V_ab = s_b^2 / n_b delta_ab  +  s^2 g_a g_b K(d_a, d_b)  +  z^2  +  w^2 t_a t_b         g = |F| + 0.05 F_max
 //! K    = 0.45 (exp(-D^2 / 2 (0.5 d_max)^2) + exp(-D^2 / 2 (0.1 d_max)^2)) + 0.1 delta_ab,     D = d_a - d_b
 //! ```
 //!
-//! noise s_b as it is seen about a straight line within the blocks (correlated readings count for fewer), a force that is wrong by a
-//! share s of itself, varying over the depth (`uncertainty`), and what a load cell's zero may be off and drift by.
-//! The reduced chi-square is r^T V^-1 r over the blocks less what was fitted: near or under 1 where the model explains the measurement.
-//! A force that is wrong by one factor everywhere is one deviation among many blocks there, so each block is judged alone as well: the
-//! mean of r_a^2 / V_aa, zero and drift taken out as far as they are likely, of which 9 (three standard deviations) counts as much as
-//! [`EXPLAINED`]. The larger of the two is the figure. Where the load cell measured a vector, each of its components in frame `sample` is
-//! judged so as well, with zero and drift over the whole force's peak, and the worst of them is the verdict. Where it is too large, the
-//! longest beginning or end of the motion that is explained is looked for.
+//! The terms are: the noise s_b, estimated about a straight line within the blocks (correlated readings count for
+//! fewer); a relative force error s that varies over the depth (`uncertainty`); and the load cell's zero error z and
+//! drift w.
+//!
+//! The reduced chi-square is r^T V^-1 r over the number of blocks minus that of fitted parameters: about 1 or less if
+//! the model explains the measurement. In it, a force that is wrong by a constant factor is one deviation among many
+//! blocks. So each block is also judged alone: the mean of r_a^2 / V_aa, after the likely zero and drift are
+//! subtracted. For this a value of 9 (three standard deviations) is scaled to [`EXPLAINED`]. The larger of the two is
+//! the reported figure.
+//!
+//! If the load cell measured a vector, each of its components in frame `sample` is judged in the same way, with zero
+//! and drift relative to the whole force's peak; the worst one is the verdict. If the figure is too large, the
+//! longest beginning or end of the motion that is explained is searched for.
 
 use std::ops::Range;
 
@@ -25,48 +31,48 @@ use super::Run;
 use super::rows::Rows;
 use super::uncertainty::FORCE_ERROR;
 
-/// Blocks of readings.
+/// Number of blocks.
 const BLOCKS: usize = 96;
-/// Fewest readings under load, and in a block, that say anything.
+/// Fewest readings under load, and per block, for a verdict.
 const LEAST_READINGS: usize = 64;
 const LEAST_IN_BLOCK: usize = 5;
-/// Share of the peak from which an instrument counts as loaded.
+/// Share of the peak above which the instrument counts as loaded.
 const LOADED: f64 = 0.02;
-/// Shares of the force error's variance at the two lengths, over the largest depth, and from block to block (the ripple of the
-/// cloud's layers).
+/// Shares of the force error's variance for the two correlation lengths (over the largest depth), and independent
+/// from block to block (the ripple of the cloud's layers).
 const LENGTHS: [(f64, f64); 2] = [(0.45, 0.5), (0.45, 0.1)];
 const RIPPLE: f64 = 0.1;
-/// Share of the largest force whose error every force has at least.
+/// Every force has at least the error of this share of the largest force.
 const FLOOR: f64 = 0.05;
-/// What a load cell's zero may be off by, and drift by over the run, over the peak force (standard).
+/// Standard uncertainty of a load cell's zero, and of its drift over the run, relative to the peak force.
 const ZERO: f64 = 0.02;
 const DRIFT: f64 = 0.02;
 /// Reduced chi-square up to which the model explains the measurement.
 pub const EXPLAINED: f64 = 2.0;
-/// A block whose mean residual is farther off than this, in standard deviations, is not explained.
+/// A block whose mean residual deviates by more than this, in standard deviations, is not explained.
 const FAR: f64 = 3.0;
-/// Share of the blocks that a beginning or an end must have for a model that explains in part, and steps in which it is looked for.
+/// Smallest share of the blocks in a partial explanation, and number of steps of the search for it.
 const PART: f64 = 0.5;
 const CUTS: usize = 24;
-/// Parts of the depth over which the residual's variance is shared out.
+/// Number of depth intervals for which the residual's variance is reported.
 const TENTHS: usize = 10;
 
 /// Whether a model explains a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Explains {
-    /// The residuals are those of noise, load cell and discretisation.
+    /// The residuals are explained by noise, load cell and discretisation.
     Yes,
     /// Only at some depths.
     InPart,
-    /// No.
+    /// The residuals are not explained.
     No,
-    /// Nothing was measured, or too little under load.
+    /// There is no measurement, or too little under load.
     #[default]
     NoMeasurement,
 }
 
 impl Explains {
-    /// The word in files.
+    /// The name in files.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
@@ -94,22 +100,22 @@ impl Explains {
 pub struct Verdict {
     /// The verdict.
     pub explains: Explains,
-    /// Why, the worst first; empty where all is well.
+    /// Reasons, the worst first; empty if the model explains everything.
     pub reasons: Vec<String>,
-    /// Over the blocks less what was fitted.
+    /// Chi-square over the number of blocks minus that of fitted parameters.
     pub reduced_chi_square: Option<f64>,
     /// Correlation of neighbouring residuals.
     pub autocorrelation: Option<f64>,
     /// Noise of one reading, N.
     pub noise_n: Option<f64>,
-    /// The residual's sum of squares in each tenth of the depth, over the whole.
+    /// Share of the residual's sum of squares in each tenth of the depth.
     pub share_over_depth: Vec<f64>,
-    /// There is a measurement, but too little of it under load; the first reason says so.
+    /// Whether there is a measurement, but too little of it under load. The first reason states it.
     pub too_little: bool,
 }
 
 impl Verdict {
-    /// This one, or that of a component of the force if that explains less.
+    /// This verdict, or that of a component of the force if it explains less.
     #[must_use]
     pub fn or_worse(self, other: Self, component: &str) -> Self {
         let chi = |v: &Self| v.reduced_chi_square.unwrap_or(0.0);
@@ -120,7 +126,7 @@ impl Verdict {
         Self { reasons: other.reasons.into_iter().map(named).collect(), ..other }
     }
 
-    /// No model explains what was not recorded.
+    /// Lowers the verdict because of intervals without recorded data, which no model explains.
     pub fn over_holes(&mut self, holes: &[[f64; 2]]) {
         let Some([from, to]) = holes.first() else { return };
         if self.explains == Explains::Yes {
@@ -139,8 +145,8 @@ impl Verdict {
     }
 }
 
-/// Judges residuals. `fitted` is how many numbers were found from these readings, `force_error` the standard uncertainty
-/// of the force's size as a share of it.
+/// Judges residuals. `fitted` is the number of parameters fitted to these readings. `force_error` is the relative
+/// standard uncertainty of the force's size.
 #[must_use]
 pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
     let Some(blocks) = Blocks::of(rows) else {
@@ -152,7 +158,7 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
     let n = expected.residuals.len();
     let Some((chi, deviations)) = expected.chi(0..n, fitted) else { return Verdict::default() };
     let factor = if chi > EXPLAINED { blocks.factor(&expected, fitted) } else { None };
-    // a force of another size is wrong everywhere, also where the load cell's zero could hide it
+    // a wrong factor applies everywhere, also where the load cell's zero could hide it
     let part = if chi > EXPLAINED && factor.is_none() { expected.explained_part() } else { None };
     let explains = match (chi <= EXPLAINED, &part) {
         (true, _) => Explains::Yes,
@@ -176,19 +182,19 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
     verdict
 }
 
-/// The blocks' residuals, and what is expected of them.
+/// The blocks' residuals, and their expected covariance.
 #[derive(Clone)]
 struct Expected {
     residuals: DVector<f64>,
     /// V without the load cell's zero and drift.
     covariance: DMatrix<f64>,
-    /// What zero and drift add to each block, one standard deviation of each.
+    /// Effect of zero and drift on each block, for one standard deviation of each.
     cell: DMatrix<f64>,
 }
 
 impl Expected {
-    /// The figure of the module's head for some of the blocks, and how far each is off, in standard deviations, once zero and drift
-    /// are taken out as far as they are likely.
+    /// The figure of the module documentation for some of the blocks, and the deviation of each in standard
+    /// deviations, after the likely zero and drift are subtracted.
     fn chi(&self, of: Range<usize>, fitted: usize) -> Option<(f64, DVector<f64>)> {
         let (from, n) = (of.start, of.len());
         let r = self.residuals.rows(from, n).into_owned();
@@ -231,7 +237,7 @@ struct Block {
     depth_m: f64,
     predicted_n: f64,
     residual_n: f64,
-    /// Variance of the mean by noise.
+    /// Variance of the mean because of noise.
     variance: f64,
 }
 
@@ -305,7 +311,7 @@ impl Blocks {
         format!("it does so {}: what happens in the rest is not in the model", self.place(part))
     }
 
-    /// Where the residual is not explained: the two longest stretches of blocks.
+    /// Where the residual is not explained: the two longest sequences of blocks.
     fn misfit(&self, deviations: &DVector<f64>) -> String {
         let mut stretches: Vec<Range<usize>> = Vec::new();
         for i in (0..deviations.len()).filter(|&i| deviations[i].abs() > FAR) {
@@ -333,7 +339,7 @@ impl Blocks {
         )
     }
 
-    /// The factor on the force that would explain the measurement, if one does.
+    /// The factor on the force that would explain the measurement, if there is one.
     fn factor(&self, expected: &Expected, fitted: usize) -> Option<String> {
         let f = DVector::from_iterator(self.all.len(), self.all.iter().map(|b| b.predicted_n));
         let whole = &expected.covariance + &expected.cell * expected.cell.transpose();
@@ -351,7 +357,7 @@ impl Blocks {
 }
 
 impl Run {
-    /// Whether the model explains what was measured, as it was recorded and run: nothing is fitted but the load cell's zero.
+    /// Whether the model explains the measurement as recorded and run. Only the load cell's zero is fitted.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         let mut verdict = judge(&Rows::of(self), 1, FORCE_ERROR);

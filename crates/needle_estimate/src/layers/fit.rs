@@ -1,17 +1,17 @@
-//! The broken lines of friction that a second insertion and a way out share.
+//! Fits the piecewise linear friction force that the second insertion and the retraction have in common.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::{AIR, Known, LayersError, PIECE, Reading};
 
-/// Part of the way out, from its lowest force on, that is left out, in diameters.
+/// Part of the retraction that is left out, from its lowest force on, in diameters.
 const TURNED: f64 = 0.2;
-/// First and last step of the search for breaks, in diameters.
+/// First and last step size of the search for breakpoints, in diameters.
 const STEPS: [f64; 2] = [0.4, 0.002];
-/// Most rounds of that search: some hundred are usual.
+/// Largest number of rounds of that search; some hundred are usual.
 const MOST_ROUNDS: usize = 5000;
 
-/// Means of readings over pieces of a width, m: depth in m and force in N, from the top.
+/// Means of readings over intervals of a width, m: depth in m and force in N, from the top.
 pub(super) fn pieces(readings: &[Reading], width: f64) -> Vec<[f64; 2]> {
     let mut sums: std::collections::BTreeMap<i64, [f64; 3]> = std::collections::BTreeMap::new();
     for [_, d, f] in readings {
@@ -22,22 +22,23 @@ pub(super) fn pieces(readings: &[Reading], width: f64) -> Vec<[f64; 2]> {
     sums.values().map(|[n, d, f]| [d / n, f / n]).collect()
 }
 
-/// Broken lines of friction, shared by the way out and the second insertion.
+/// Piecewise linear friction force, shared by the retraction and the second insertion.
 pub(super) struct Fit {
     out: Vec<[f64; 2]>,
     again: Vec<[f64; 2]>,
     pub layers: usize,
-    /// Depths of the breaks, m: of the second insertion and where its last rise begins, then of the way out.
+    /// Depths of the breakpoints, m: those of the second insertion, the start of its last rise, then those of the
+    /// retraction.
     breaks: Vec<f64>,
     /// Friction per length of each layer, N/m, and slope of the last rise.
     forces: DVector<f64>,
-    /// N^2.
+    /// Sum of squares of the residual, N^2.
     squares: f64,
     /// Standard errors of forces and breaks.
     errors: Vec<f64>,
 }
 
-/// Part of the way to a depth that lies between two others.
+/// Length of the part of the path to `depth` that lies between `from` and `to`.
 fn within(depth: f64, from: f64, to: Option<f64>) -> f64 {
     let way = (depth - from).max(0.0);
     to.map_or(way, |to| way.min((to - from).max(0.0)))
@@ -64,7 +65,7 @@ impl Fit {
         let mut best: Option<Self> = None;
         for start in Self::starts(drops, layers, deepest, diameter) {
             let mut breaks = start.clone();
-            // a second way in that is too short for a piece is none
+            // a second insertion shorter than one interval counts as none
             if !down.is_empty() {
                 breaks.push(deepest - 0.7 * diameter);
                 breaks.extend(&start);
@@ -79,7 +80,7 @@ impl Fit {
                 errors: Vec::new(),
             };
             fit.search(STEPS.map(|s| s * diameter));
-            // without forces no breaks gave friction that holds back
+            // no forces: no breakpoints gave a friction that opposes the motion
             if !fit.forces.is_empty() && best.as_ref().is_none_or(|b| fit.squares < b.squares) {
                 best = Some(fit);
             }
@@ -89,7 +90,7 @@ impl Fit {
         Ok(fit)
     }
 
-    /// Where the layers may begin: equal parts, and a little above the drops.
+    /// Start values of the layers' boundaries: equal parts, and slightly above the drops.
     #[allow(clippy::cast_precision_loss)]
     fn starts(drops: &[f64], layers: usize, deepest: f64, diameter: f64) -> Vec<Vec<f64>> {
         let equal = (0..layers).map(|i| deepest * i as f64 / layers as f64).collect();
@@ -123,7 +124,7 @@ impl Fit {
         DVector::from_iterator(self.again.len() + self.out.len(), self.again.iter().chain(&self.out).map(|p| p[1]))
     }
 
-    /// Forces for given breaks, and the sum of squares that they leave; `None` where a friction would be negative.
+    /// Forces for given breakpoints, and the remaining sum of squares; `None` if a friction would be negative.
     fn linear(&self, breaks: &[f64], force: &DVector<f64>) -> Option<(DVector<f64>, f64)> {
         let design = self.design(breaks);
         let normal = design.tr_mul(&design).cholesky()?;
@@ -132,7 +133,7 @@ impl Fit {
         (forces.iter().all(|f| *f >= 0.0) && squares.is_finite()).then_some((forces, squares))
     }
 
-    /// Moves one break after the other as long as that helps, in ever smaller steps.
+    /// Coordinate search: moves one breakpoint after the other while the sum of squares falls, with decreasing steps.
     fn search(&mut self, [mut step, last]: [f64; 2]) {
         let force = self.force();
         if let Some((forces, squares)) = self.linear(&self.breaks, &force) {
@@ -156,7 +157,7 @@ impl Fit {
         }
     }
 
-    /// Of forces and breaks, from the fit's derivatives and residual.
+    /// Standard errors of forces and breakpoints, from the fit's derivatives and residual.
     #[allow(clippy::cast_precision_loss)]
     fn standard_errors(&self) -> Option<Vec<f64>> {
         let design = self.design(&self.breaks);
@@ -171,7 +172,7 @@ impl Fit {
             jacobian.set_column(linear + k, &column);
         }
         let freedom = rows.checked_sub(jacobian.ncols()).filter(|n| *n > 0)? as f64;
-        // neighbouring residuals are alike where the lines are bent
+        // neighbouring residuals are correlated near breakpoints
         let both: f64 = residual.iter().zip(residual.iter().skip(1)).map(|(a, b)| a * b).sum();
         let alike = (both / residual.norm_squared()).clamp(0.0, 0.95);
         let variance = residual.norm_squared() / freedom * (1.0 + alike) / (1.0 - alike);
@@ -184,13 +185,13 @@ impl Fit {
         Some(each)
     }
 
-    /// A force per length, or behind them a break.
+    /// Parameter k: a force per length, or after these a breakpoint.
     fn known(&self, k: usize) -> Known {
         let value = self.forces.iter().chain(&self.breaks).nth(k).copied().unwrap_or(0.0);
         Known { value, standard_error: self.errors.get(k).copied().unwrap_or(f64::INFINITY) }
     }
 
-    /// Where a layer begins in undeformed tissue, m: halfway between the breaks of both ways.
+    /// Upper boundary of a layer in undeformed tissue, m: the middle between the breakpoints of both motions.
     pub fn begins(&self, i: usize) -> Known {
         let (a, b) = (self.known(self.forces.len() + i), self.known(self.forces.len() + self.layers + 1 + i));
         let standard_error = 0.5 * a.standard_error.hypot(b.standard_error);
@@ -207,12 +208,12 @@ impl Fit {
         !self.again.is_empty()
     }
 
-    /// Where a layer begins in the second insertion, m.
+    /// Breakpoint of a layer in the second insertion, m.
     pub fn comes(&self, i: usize) -> f64 {
         self.breaks.get(i).copied().unwrap_or(0.0)
     }
 
-    /// Friction above a layer's undeformed beginning, N: what the shaft has when the tip is there.
+    /// Friction above a layer's undeformed upper boundary, N: the shaft friction when the tip is there.
     pub fn above(&self, i: usize) -> Known {
         let way = |j: usize| self.begins(j + 1).value - self.begins(j).value;
         let value = (0..i).map(|j| self.friction(j).value * way(j)).sum();
@@ -221,12 +222,13 @@ impl Fit {
         Known { value, standard_error }
     }
 
-    /// Friction along the channel of the first insertion, N, where the second comes to its end; `None` if it doesn't.
+    /// Friction along the channel of the first insertion, N, where the second insertion reaches its end; `None` if it
+    /// does not.
     pub fn channel(&self) -> Option<Known> {
         let (n, last) = (self.layers, self.friction(self.layers.checked_sub(1)?).value);
         let (rise, end) = (self.known(n), self.known(self.forces.len() + n));
         let deepest = self.again.last().map(|p| p[0])?;
-        // a rise within the last pieces, or one that is no rise, is none
+        // ignore a rise within the last intervals, or one that is not a rise
         (rise.value > last && end.value < deepest).then(|| {
             let next = |i: usize| if i + 1 < n { Some(self.comes(i + 1)) } else { None };
             let along = |i: usize| self.friction(i).value * within(end.value, self.comes(i), next(i));
@@ -234,7 +236,7 @@ impl Fit {
         })
     }
 
-    /// N.
+    /// Root mean square residual, N.
     #[allow(clippy::cast_precision_loss)]
     pub fn rmse(&self) -> f64 {
         (self.squares / (self.again.len() + self.out.len()) as f64).sqrt()

@@ -1,33 +1,35 @@
-//! Friction, cutting and puncture forces of layers, and where they begin, from a recording alone: insertion, way out, second insertion.
+//! Estimates friction, cutting and puncture forces of layers, and their boundaries, from a recording alone:
+//! insertion, retraction, second insertion.
 //!
-//! No run of the twin and no modulus: what is used of the tissue is that it is pushed as far down by a shaft that slips on the way in as
-//! up on the way out.
+//! It needs neither a run of the twin nor a modulus. The only assumption about the tissue: a slipping shaft displaces
+//! it downwards during the insertion as much as upwards during the retraction.
 //!
 //! ```text
 //! second insertion   F = sum of f_i times the shaft's length in layer i, which begins at k_i = z_i + u      nothing but friction
-//! way out            F = - the same, with k_i' = z_i - u                                                    so z_i = (k_i + k_i') / 2
+//! retraction         F = - the same, with k_i' = z_i - u                                                    so z_i = (k_i + k_i') / 2
 //! at a boundary      the tip stands at z_i, so the friction is R_i = sum of f_j (z_j+1 - z_j) above it:
 //!                    before a drop F = R_i + puncture force;  where the rise to the drop begins F = R_i + cutting force above it
 //! at the deepest     the first insertion has cut as far as where the force of the second begins to rise: their difference is cutting
 //! ```
 //!
-//! The friction's broken lines are a least-squares fit: linear in forces per length, the breaks by search.
+//! The friction is a piecewise linear least-squares fit: linear in the forces per length, with a search for the
+//! breakpoints.
 
 mod fit;
-mod told;
+mod resistance;
 
 use crate::compare::crossing::{Crossing, Crossings};
 use fit::Fit;
 use needle_core::scene::Scene;
 use needle_recording::{At, ForceSeries};
 
-/// Way between two turns of the recorded depth, in diameters of the needle.
+/// Least travel between two reversals of the recorded depth, in diameters of the needle.
 const TURN: f64 = 0.5;
-/// Way after a drop over which the force falls, in diameters.
+/// Travel after a drop within which the force falls, in diameters.
 const FALLS: f64 = 0.2;
-/// Width of the pieces that readings are averaged over, in diameters.
+/// Width of the intervals over which readings are averaged, in diameters.
 const PIECE: f64 = 0.025;
-/// Height above the surface from which on readings are of air, in diameters.
+/// Height above the surface from which on readings are in air, in diameters.
 const AIR: f64 = 0.2;
 
 /// A value and its standard error.
@@ -39,42 +41,42 @@ pub struct Known {
     pub standard_error: f64,
 }
 
-/// What the recording says of a layer; `None`: it can't be told.
+/// Estimates for a layer; `None`: not determined by the recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
     /// Depth of its upper boundary in undeformed tissue, m.
     pub from_depth_m: Option<Known>,
     /// Friction per length, N/m.
     pub friction_n_per_m: Known,
-    /// Force of the tip that cuts in it, N.
+    /// Cutting force at the tip, N.
     pub cutting_force_n: Option<Known>,
-    /// Force of the tip that enters it, N; `None` where no drop was seen too.
+    /// Puncture force at the layer's upper boundary, N; `None` also if no drop was seen.
     pub puncture_force_n: Option<Known>,
 }
 
-/// What a recording says.
+/// Result of the estimation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// Layers from the surface down.
     pub layers: Vec<Layer>,
-    /// What can't be told, each with the reason.
+    /// Quantities that can't be determined, each with the reason.
     pub cannot_tell: Vec<String>,
-    /// What the first insertion and its way out alone could not have told.
+    /// Quantities that the first insertion and its retraction alone would not have determined.
     pub alone: Vec<String>,
-    /// Root mean square of what the friction's fit leaves, N.
+    /// Root mean square residual of the friction's fit, N.
     pub rmse_n: f64,
-    /// Drops of the first insertion, m.
+    /// Depths of the drops of the first insertion, m.
     pub drops_m: Vec<f64>,
 }
 
-/// Why a recording says nothing.
+/// Why a recording can't be evaluated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayersError {
-    /// The scene's instrument is none.
+    /// The scene's instrument is not a needle.
     #[error("the scene's instrument is no needle: name one with --scene")]
     NoNeedle,
-    /// No way out.
+    /// No retraction.
     #[error(
         "the recording has no way out after an insertion, and one insertion alone can't tell friction from cutting: record both, and a second"
     )]
@@ -87,7 +89,7 @@ pub enum LayersError {
     /// Too few readings.
     #[error("the recording has too few readings for {0} layers: fewer layers, or more readings")]
     Few(usize),
-    /// The readings don't determine the lines.
+    /// The readings don't determine the friction's breakpoints.
     #[error("the readings don't determine the friction of {0} layers: try fewer")]
     Undetermined(usize),
 }
@@ -95,10 +97,11 @@ pub enum LayersError {
 /// A reading: time in s, depth in m, force against the insertion in N.
 pub type Reading = [f64; 3];
 
-/// Layers of a recording, so many, made with a needle of a diameter in m; depth 0 is the undeformed surface.
+/// Estimates a number of layers from a recording made with a needle of a diameter in m. Depth 0 is the undeformed
+/// surface.
 ///
 /// # Errors
-/// If the recording lacks a way out or readings in air, or doesn't determine the layers.
+/// If the recording lacks a retraction or readings in air, or does not determine the layers.
 pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Found, LayersError> {
     let legs = legs(readings, TURN * diameter);
     let [first, out, second @ ..] = &legs[..] else { return Err(LayersError::NoWayOut) };
@@ -110,17 +113,17 @@ pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Foun
     let seen = drops(&first, diameter);
     let drops: Vec<f64> = seen.iter().map(|d| d[0]).collect();
     let fit = Fit::new(&out, again.as_deref(), diameter, layers, &drops)?;
-    let mut found = told::told(&fit, &first, &seen, diameter);
+    let mut found = resistance::resistance(&fit, &first, &seen, diameter);
     if again.is_some() {
         let alone = Fit::new(&out, None, diameter, layers, &drops)?;
-        found.alone = told::told(&alone, &first, &seen, diameter).cannot_tell;
+        found.alone = resistance::resistance(&alone, &first, &seen, diameter).cannot_tell;
     } else {
         found.alone.clone_from(&found.cannot_tell);
     }
     Ok(found)
 }
 
-/// Layers straight from a recording's readings, made with the needle of a scene.
+/// Estimates layers from a recording's readings, made with the needle of a scene.
 ///
 /// # Errors
 /// [`LayersError::NoNeedle`] if the scene has none; otherwise as [`layers`].
@@ -145,7 +148,8 @@ pub fn of_recording(
     layers(&readings.iter().filter_map(force).collect::<Vec<_>>(), diameter, number)
 }
 
-/// Insertions and ways out in turn, the first from where the depth begins to grow: turns of more than a way, m.
+/// Insertions and retractions in turn, starting where the depth begins to grow. They are separated by reversals of
+/// more than `turn`, m.
 fn legs(readings: &[Reading], turn: f64) -> Vec<&[Reading]> {
     let (mut legs, mut start, mut extreme, mut down) = (Vec::new(), 0, 0, true);
     let depth = |i: usize| readings.get(i).map_or(0.0, |r| r[1]);
@@ -154,7 +158,7 @@ fn legs(readings: &[Reading], turn: f64) -> Vec<&[Reading]> {
         if beyond >= 0.0 {
             extreme = i;
         } else if beyond < -turn {
-            // a way up before the first insertion is none of them
+            // skip a retraction before the first insertion
             if extreme > start || !legs.is_empty() {
                 legs.extend(readings.get(start..=extreme));
             }
@@ -167,7 +171,8 @@ fn legs(readings: &[Reading], turn: f64) -> Vec<&[Reading]> {
     legs
 }
 
-/// Reading without load at time 0, N, and its drift, N/s, from the readings in air; no drift where these span too little.
+/// Reading without load at time 0, N, and its drift, N/s, from the readings in air; no drift if these cover too
+/// little time.
 fn zero(readings: &[Reading], above: f64) -> Result<[f64; 2], LayersError> {
     let air: Vec<&Reading> = readings.iter().filter(|r| r[1] < -above).collect();
     let (Some(a), Some(b), Some(begin), Some(end)) = (air.first(), air.last(), readings.first(), readings.last())

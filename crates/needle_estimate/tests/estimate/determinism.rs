@@ -2,9 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_core::scene::{Override, Scene};
-use needle_estimate::compare::Unwatched;
-use needle_estimate::compare::{self, Collector, Keep, Run};
-use needle_recording::{At, Reading};
+use needle_core::twin::Twin;
+use needle_estimate::compare::{Cancel, Finished, Keep, Run, Session};
 
 /// A wide needle needs few nodes.
 const WIDE: (&str, &str) = ("instrument.capture_radius_m", "0.0015");
@@ -28,11 +27,8 @@ fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
 
 fn solve(scene: &Scene, threads: usize) -> Run {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-        let (mut twin, build_s) = compare::build(scene).unwrap();
-        let collector =
-            Collector::new(&twin, "test", build_s, Keep { fields: true, duration_s: None, save_every_s: None });
-        let readings = scene.motion.unwrap().poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-        compare::drive(&mut twin, readings, None, collector, &mut Unwatched)
+        let keep = Keep { fields: true, ..Keep::ANSWERS };
+        Session::new(scene, "test", keep).unwrap().unwatched(Session::motion(&scene.motion.unwrap()))
     })
 }
 
@@ -75,14 +71,13 @@ fn a_run_again_gives_the_same_bits() {
 #[test]
 fn a_reset_twin_is_a_new_twin() {
     let scene = scene("indentation", &[]);
-    let (mut twin, _) = compare::build(&scene).unwrap();
-    let mut run = || {
+    let run = |mut twin: Twin| {
         twin.reset();
-        let collector = Collector::new(&twin, "test", 0.0, Keep::ANSWERS);
-        let readings = scene.motion.unwrap().poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-        compare::drive(&mut twin, readings, None, collector, &mut Unwatched)
+        let session = Session::with(twin, 0.0, "test", Keep::ANSWERS);
+        session.run(Session::motion(&scene.motion.unwrap()), &mut Cancel::default())
     };
-    let (first, second) = (run(), run());
+    let Finished { run: first, twin, .. } = run(Twin::new(&scene).unwrap());
+    let Finished { run: second, .. } = run(twin);
     assert!(first.answers.iter().any(|a| a.predicted_n.abs() > 1e-4), "there is a force to compare");
     assert_eq!(first.checksum, second.checksum);
 }

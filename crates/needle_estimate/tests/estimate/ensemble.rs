@@ -2,10 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_core::scene::{Override, Prior, Scene};
-use needle_estimate::compare::Unwatched;
 use needle_estimate::compare::ensemble::{self, Crew, Driven, Member, MemberPath, Paths, Size};
-use needle_estimate::compare::{self, Collector, Keep, Run};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Cancel, Keep, Run, Session};
+use needle_recording::Reading;
 
 use testkit::coarse::alone;
 
@@ -23,15 +22,11 @@ fn scene(changes: &[(&str, &str)]) -> Scene {
 }
 
 fn readings(scene: &Scene) -> Vec<Reading> {
-    scene.motion.unwrap().poses().map(|(time_s, depth_m)| Reading { time_s, at: At::Depth(depth_m) }).collect()
+    Session::motion(&scene.motion.unwrap()).collect()
 }
 
 fn single(scene: &Scene, readings: &[Reading]) -> Run {
-    alone(|| {
-        let (mut twin, build_s) = compare::build(scene).unwrap();
-        let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);
-        compare::drive(&mut twin, readings.iter().copied(), None, collector, &mut Unwatched)
-    })
+    alone(|| Session::new(scene, "test", Keep::ANSWERS).unwrap().unwatched(readings.iter().copied()))
 }
 
 fn members(scene: &Scene, members: usize) -> Vec<Member> {
@@ -39,7 +34,7 @@ fn members(scene: &Scene, members: usize) -> Vec<Member> {
 }
 
 fn paths(members: &[Member], readings: &[Reading], threads: usize) -> Paths {
-    ensemble::paths(members, readings, &Crew { threads, stop: None, done: &|| {} }).unwrap()
+    ensemble::paths(members, readings, &Crew { threads, cancel: Cancel::default(), done: &|| {} }).unwrap()
 }
 
 fn bits(path: &Result<MemberPath, String>) -> Vec<u64> {
@@ -184,7 +179,7 @@ fn a_member_that_is_lost_is_counted_and_left_out() {
     members[2].scene = members[2].scene.with(&nothing).unwrap();
     let mut run = single(&scene, &readings);
     let at: Vec<usize> = (0..run.answers.len()).collect();
-    let crew = Crew { threads: 2, stop: None, done: &|| {} };
+    let crew = Crew { threads: 2, cancel: Cancel::default(), done: &|| {} };
     let driven = Driven { readings: &readings, at: &at, sightings: &[], twin: None };
     ensemble::add(&mut run, &scene, &members, driven, Size { members: 4, seed: 0 }, &crew).unwrap();
     let found = run.ensemble.clone().unwrap();

@@ -3,9 +3,7 @@
 
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{Health, Twin};
-use needle_estimate::compare::Unwatched;
-use needle_estimate::compare::{self, Collector, Keep};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Keep, Session};
 use testkit::coarse::{self, alone, travel};
 
 fn preset(name: &str, changes: &[(&str, &str)]) -> Scene {
@@ -61,11 +59,7 @@ fn half_a_sample_says_what_the_whole_says() {
 fn a_run_says_from_which_depth_on() {
     let scene = preset("indentation", &[("motion.depth_m", "0.013"), ("motion.speed_m_per_s", "0.01")]);
     let run = alone(|| {
-        let (mut twin, build_s) = compare::build(&scene).unwrap();
-        let keep = Keep { fields: false, duration_s: None, save_every_s: None };
-        let collector = Collector::new(&twin, "test", build_s, keep);
-        let readings = scene.motion.unwrap().poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-        compare::drive(&mut twin, readings, None, collector, &mut Unwatched)
+        Session::new(&scene, "test", Keep::ANSWERS).unwrap().unwatched(Session::motion(&scene.motion.unwrap()))
     });
     let from_m = run.folded_from_m.unwrap();
     assert!((0.0105..0.0128).contains(&from_m), "{from_m}");

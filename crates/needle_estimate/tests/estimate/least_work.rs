@@ -3,9 +3,7 @@
 
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{Twin, Work};
-use needle_estimate::compare::Unwatched;
-use needle_estimate::compare::{self, Collector, Keep, Run};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Cancel, Finished, Keep, Run, Session};
 use testkit::coarse;
 use testkit::coarse::{alone, at_depth, travel};
 
@@ -18,12 +16,9 @@ fn scene(preset: &str) -> Scene {
 /// A scene's own motion as `solve` runs it, and what was computed beside its forces.
 fn solved(scene: &Scene, fields: bool) -> (Run, Work, usize) {
     alone(|| {
-        let (mut twin, build_s) = compare::build(scene).unwrap();
-        let collector =
-            Collector::new(&twin, "test", build_s, Keep { fields, duration_s: Some(1.0), save_every_s: None });
-        let motion = scene.motion.unwrap();
-        let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-        let run = compare::drive(&mut twin, readings, None, collector, &mut Unwatched);
+        let keep = Keep { fields, duration_s: Some(1.0), save_every_s: None };
+        let session = Session::new(scene, "test", keep).unwrap();
+        let Finished { run, twin, .. } = session.run(Session::motion(&scene.motion.unwrap()), &mut Cancel::default());
         (run, twin.work(), twin.reference_points().len())
     })
 }

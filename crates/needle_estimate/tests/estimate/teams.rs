@@ -3,6 +3,7 @@
 
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{Halt, Motion, Prediction, StampedPose, Team, Twin};
+use needle_estimate::compare::Cancel;
 use needle_estimate::compare::ensemble::{self, Crew, Live, MemberPath, Paths, Size};
 use needle_recording::{At, Reading};
 
@@ -186,7 +187,7 @@ fn an_ensemble_has_the_bits_of_single_runs_for_any_threads() {
     let (scene, readings) = ensemble_of("uncertainty.material.poisson_ratio", "{ uniform = [0.45, 0.49] }");
     let members = ensemble::members(&scene, Size { members: 20, seed: 0 }).unwrap();
     let times = [1.0, 1.0001];
-    let crew = |threads| Crew { threads, stop: None, done: &|| {} };
+    let crew = |threads| Crew { threads, cancel: Cancel::default(), done: &|| {} };
     let one = ensemble::tracked_paths(&members, &readings, &times, &crew(1)).unwrap();
     let two = ensemble::tracked_paths(&members, &readings, &times, &crew(2)).unwrap();
     assert_eq!(one, two);

@@ -4,8 +4,7 @@
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{Phase, StampedPose, Twin};
 use needle_estimate::calibrate::{Calibration, Estimate, HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_estimate::compare::Unwatched;
-use needle_estimate::compare::{Answer, Collector, Explains, Keep, Run, build, drive};
+use needle_estimate::compare::{Answer, Cancel, Explains, Keep, Run, Session};
 use needle_recording::{At, ForceSeries, Reading};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
@@ -64,7 +63,7 @@ fn fit(scene: &Scene, readings: &[Reading], measured: &ForceSeries, keys: &[&str
         part: HoldOut::Nothing,
         table: None,
     };
-    calibrate(&task, &mut Unwatched, &mut |_| {}).unwrap()
+    calibrate(&task, &mut Cancel::default(), &mut |_| {}).unwrap()
 }
 
 /// Of the fits.
@@ -87,14 +86,13 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
         let readings: Vec<Reading> = (0..250)
             .map(|i| Reading { time_s: 0.01 * f64::from(i), at: At::Depth(2e-5 * f64::from(i - 50)) })
             .collect();
-        let (mut twin, build_s) = build(&scene).unwrap();
-        let axis = twin.pose_at_depth(0.0).axis;
+        let session = Session::new(&scene, "test", Keep::ANSWERS).unwrap();
+        let axis = session.twin().pose_at_depth(0.0).axis;
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
         let other = |f: [f64; 3]| std::array::from_fn(|k| 10.0 * f[k] - 8.9 * dot(f, axis) * axis[k]);
         let forces: Vec<_> = forces(&scene, &readings).into_iter().map(|(t, f)| (t, other(f))).collect();
         let measured = read(&forces, [4e-4; 3], [0.0; 3], [0.0; 3], 21);
-        let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);
-        let run = drive(&mut twin, readings.iter().copied(), Some(&measured), collector, &mut Unwatched);
+        let run = session.compared_with(&measured).unwatched(readings.iter().copied());
         let answers: Vec<&Answer> = run.answers.iter().collect();
         let sums = |unit: [f64; 3], weight: f64| {
             let products = |a: &&Answer| {
@@ -191,10 +189,8 @@ fn a_way_aside_tells_the_clock() {
     let forces: Vec<_> = forces(&scene, &readings).into_iter().map(|(t, f)| (t + late, f)).collect();
     let measured = read(&forces, [2e-5; 3], [0.01; 3], [0.0; 3], 21).on_one_clock(false);
     let clock = |measured: &ForceSeries| {
-        let (mut twin, build_s) = build(&scene).unwrap();
-        let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);
-        let run = drive(&mut twin, readings.iter().copied(), Some(measured), collector, &mut Unwatched);
-        run.alignment().unwrap()
+        let session = Session::new(&scene, "test", Keep::ANSWERS).unwrap();
+        session.compared_with(measured).unwatched(readings.iter().copied()).alignment().unwrap()
     };
     let found = clock(&measured);
     let alone = clock(&along(&measured, &readings).on_one_clock(false));

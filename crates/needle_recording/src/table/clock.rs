@@ -1,8 +1,8 @@
-//! Times that stand in a table as text: dates, times of day, whole seconds with nanoseconds in another column.
+//! Times in a table as text: dates, times of day, whole seconds with nanoseconds in another column.
 
 use chrono::{DateTime, NaiveDate, NaiveTime, Timelike as _};
 
-/// Dates as programs write them; of two that fit, the one by which the times lie closer together.
+/// Date formats. If two fit, the one with the smaller span of times is used.
 const DATES: [&str; 14] = [
     "%Y-%m-%d",
     "%Y/%m/%d",
@@ -37,7 +37,7 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// As a message says it.
+    /// Description for messages.
     #[must_use]
     pub const fn describe(&self) -> &'static str {
         match self {
@@ -50,7 +50,7 @@ impl Clock {
     }
 }
 
-/// Time of day, ns: `10:15:00.5`, `10:15:00,5`, `10:15`, `01:15:00 PM`; `00:01.5` is a minute and seconds.
+/// Time of day, ns: `10:15:00.5`, `10:15:00,5`, `10:15`, `01:15:00 PM`. `00:01.5` is minutes and seconds.
 pub(super) fn of_day(text: &str) -> Option<i64> {
     let text = text.trim();
     if !text.starts_with(|c: char| c.is_ascii_digit()) || !text.contains(':') {
@@ -88,23 +88,23 @@ pub(super) fn date_time(text: &str, format: &str) -> Option<i64> {
         let with_zone = DateTime::parse_from_rfc3339(&text.replacen(' ', "T", 1)).ok();
         return with_zone.and_then(|time| time.timestamp_nanos_opt());
     }
-    // a date may hold blanks, as `4 Mar 2026`: the time of day begins at the last one before the first colon
+    // a date may contain blanks, as `4 Mar 2026`: the time of day begins at the last one before the first colon
     let colon = text.find(':')?;
     let between = text[..colon].rfind(['T', ' '])?;
     Some(date(text[..between].trim_end_matches(','), format)? + of_day(&text[between + 1..])?)
 }
 
-/// Whether a cell says a time, in words or as a date.
+/// Whether a cell contains a time or a date.
 pub(super) fn is_time(cell: &str) -> bool {
     let cell = cell.trim();
-    // a number is none: 20260304 is a date only where it is asked for
+    // a plain number does not count: 20260304 is a date only if a date is expected
     cell.starts_with(|c: char| c.is_ascii_digit())
         && cell.len() > 4
         && (of_day(cell).is_some()
             || DATES[..13].iter().any(|format| date(cell, format).or_else(|| date_time(cell, format)).is_some()))
 }
 
-/// The format in which all cells are read, the one with the shortest span of several.
+/// The format in which all cells can be read; of several, the one with the shortest span.
 pub(super) fn format_of(cells: &[&str], read: impl Fn(&str, &str) -> Option<i64>) -> Option<&'static str> {
     let span = |format: &'static str| {
         let times = cells.iter().map(|cell| read(cell, format)).collect::<Option<Vec<i64>>>()?;

@@ -1,4 +1,4 @@
-//! Which column is what, and in which unit.
+//! Assigns columns to quantities and units.
 
 use super::super::unit::Dimension;
 use super::super::{Quantity, Selection};
@@ -6,18 +6,18 @@ use super::clock::{self, Clock};
 use super::names::{self, Words};
 use super::{TableError, layout::Kind, layout::Layout};
 
-/// A column that is taken.
+/// A column that is used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// Place in a row, from 0.
+    /// Index in a row, from 0.
     pub index: usize,
     /// Header, or the number from 1.
     pub name: String,
     /// The unit as it was written.
     pub unit: String,
-    /// What one unit is, s, m or N, with the sign.
+    /// Size of one unit, in s, m or N, with the sign.
     pub scale: f64,
-    /// The number that stands for zero.
+    /// The recorded number at zero.
     pub zero: f64,
 }
 
@@ -29,16 +29,16 @@ impl Column {
     }
 }
 
-/// Columns that are taken of one table.
+/// Columns used of one table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
-    /// `None`: rows come at a rate.
+    /// `None`: rows have a constant rate.
     pub time: Option<(Column, Clock)>,
     /// Depth.
     pub position: Option<Column>,
-    /// Force, where it is one number.
+    /// Force as a single number.
     pub force: Option<Column>,
-    /// Force, where it is a vector.
+    /// Force as a vector.
     pub forces: Option<[Column; 3]>,
     /// Tip.
     pub pose: Option<[Column; 3]>,
@@ -48,7 +48,7 @@ pub struct Columns {
     pub markers: Vec<[Column; 3]>,
 }
 
-/// What is looked for.
+/// A quantity that is searched for.
 struct Sought<'a> {
     what: &'static str,
     option: &'static str,
@@ -61,10 +61,10 @@ const POSITION: Sought =
     Sought { what: "position", option: "--position", words: &names::POSITION, dimension: Dimension::Length };
 const FORCE: Sought = Sought { what: "force", option: "--force", words: &names::FORCE, dimension: Dimension::Force };
 
-/// A column that was named, and by which option.
+/// A column that the user named, and the option.
 pub(super) type Named<'a> = (&'static str, &'a str);
 
-/// All columns that a selection names, but that of the time, which each file may have under a name of its own.
+/// All columns that a selection names, except that of the time, which may have another name in each file.
 pub(super) fn named(said: &Selection) -> Vec<Named<'_>> {
     let mut all: Vec<Named<'_>> = said.position.place.iter().map(|name| ("--position", name.as_str())).collect();
     all.extend(said.force.place.iter().map(|name| ("--force-column", name.as_str())));
@@ -87,7 +87,7 @@ impl Finder<'_> {
         header.cloned().unwrap_or_else(|| (index + 1).to_string())
     }
 
-    /// The columns, for a message.
+    /// The columns, for messages.
     pub fn describe(&self) -> String {
         (0..self.layout.columns).map(|i| format!("{} `{}`", i + 1, self.name(i))).collect::<Vec<_>>().join(", ")
     }
@@ -96,10 +96,10 @@ impl Finder<'_> {
         TableError::Columns { file: self.file.to_owned(), reason, columns: self.describe() }
     }
 
-    /// A column by its header (whole, or without its unit), or by its number from 1.
+    /// A column by its header (complete, or without its unit), or by its number from 1.
     ///
     /// # Errors
-    /// If several have the header.
+    /// If several columns have the header.
     pub fn named(&self, text: &str) -> Result<Option<usize>, TableError> {
         let wanted = text.trim();
         let headers = self.layout.headers.as_deref().unwrap_or_default();
@@ -122,11 +122,11 @@ impl Finder<'_> {
         }
     }
 
-    /// The columns whose headers name the quantity best.
+    /// The columns whose headers match the quantity best.
     fn standing_out(&self, sought: &Sought, taken: &[usize]) -> Vec<usize> {
         let headers = self.layout.headers.as_deref().unwrap_or_default();
         let is_time = sought.dimension == Dimension::Time;
-        // the time of a table with a step of its own is a column without cells
+        // the time column may have no cells if the file states the time step
         let empty = |i: usize| is_time && self.layout.kind(i) == Kind::Empty;
         let free = (0..headers.len()).filter(|i| !taken.contains(i) && !empty(*i));
         let ranks: Vec<(usize, u8)> =
@@ -170,7 +170,7 @@ impl Finder<'_> {
         Ok(Column { index, name, unit, scale: said.sign() * said.factor.unwrap_or(1.0) * size, zero: said.zero })
     }
 
-    /// A strain: a share of the gauge length, in per cent where the header or the option says so.
+    /// A strain relative to the gauge length; in per cent if the header or the option says so.
     fn strain(&self, index: usize, said: &Quantity, gauge_m: f64) -> Result<Column, TableError> {
         let name = self.name(index);
         let percent = said.unit.as_deref().map_or_else(|| name.contains('%'), |unit| unit == "%");
@@ -183,7 +183,7 @@ impl Finder<'_> {
         Ok(Column { index, name, unit, scale: said.sign() * said.factor.unwrap_or(1.0) * size, zero: said.zero })
     }
 
-    /// Several columns by their names, if this file has them all.
+    /// Several columns by their names, if this file has all of them.
     fn several<const N: usize>(
         &self,
         names: Option<&[String; N]>,
@@ -196,13 +196,13 @@ impl Finder<'_> {
         Ok(columns.try_into().ok())
     }
 
-    /// The column of the time, and how it is read.
+    /// The column of the time, and its format.
     fn time(&self, said: &Selection, number: usize) -> Result<Option<(Column, Clock)>, TableError> {
         let of_file = |list: &[String]| list.get(number).or(list.last()).cloned();
         let place = match of_file(&said.time) {
             Some(name) => self.named(&name)?,
             None => match self.standing_out(&TIME, &[])[..] {
-                // a date, and the time of day
+                // a date and a time of day
                 [first, second] if self.layout.kind(first) == Kind::Time && self.layout.kind(second) == Kind::Time => {
                     Some(first)
                 }
@@ -230,7 +230,7 @@ impl Finder<'_> {
         Ok(Some((column, clock)))
     }
 
-    /// The column `sec` beside one `nanosec`, as bags are written out.
+    /// The column `sec` next to one `nanosec`, as in exported bags.
     fn seconds_and_nanoseconds(&self) -> Option<usize> {
         let headers = self.layout.headers.as_deref().unwrap_or_default();
         let last = |h: &String| h.to_lowercase().rsplit(['.', '/', '_']).next().unwrap_or_default().to_owned();
@@ -244,7 +244,7 @@ impl Finder<'_> {
         let cells = |i: usize| -> Vec<&str> { self.layout.cells(i).filter(|cell| !cell.is_empty()).collect() };
         let own = cells(index);
         if self.layout.kind(index) != Kind::Time {
-            // 20260304 beside a time of day is a date
+            // 20260304 next to a time of day is a date
             let day = clock::format_of(&own, clock::date).filter(|_| own.len() > 1);
             return Ok(match day.filter(|_| self.layout.kind(index + 1) == Kind::Time) {
                 Some(format) => Clock::Date(format, [index, index + 1]),
@@ -252,12 +252,12 @@ impl Finder<'_> {
                 None => Clock::Number,
             });
         }
-        // a cell that says no time is a row that is lost
+        // a row whose cell is not a time is lost
         let own: Vec<&str> = own.into_iter().filter(|cell| clock::is_time(cell)).collect();
         if own.iter().all(|cell| clock::of_day(cell).is_some()) {
             let before = index.checked_sub(1).filter(|&i| self.layout.kind(i) == Kind::Time);
             let day = before.and_then(|i| Some((i, clock::format_of(&cells(i), clock::date)?)));
-            // the date stands before it
+            // the date is in a column before it
             return Ok(day.map_or(Clock::TimeOfDay, |(i, format)| Clock::Date(format, [i, index])));
         }
         if let Some(format) = clock::format_of(&own, clock::date_time) {
@@ -272,7 +272,7 @@ impl Finder<'_> {
         day.map(|format| Clock::Date(format, [index, index + 1])).ok_or_else(error)
     }
 
-    /// Whether whole seconds since 1970 stand in a column and nanoseconds in the next.
+    /// Whether a column has whole seconds since 1970 and the next one nanoseconds.
     fn has_nanoseconds(&self, index: usize) -> bool {
         let whole = |i: usize| self.layout.cells(i).map(|cell| cell.parse::<u64>().ok()).collect::<Option<Vec<u64>>>();
         let (Some(seconds), Some(rest)) = (whole(index), whole(index + 1)) else { return false };
@@ -283,7 +283,7 @@ impl Finder<'_> {
             && (headed || rest.iter().any(|ns| *ns >= 1_000_000))
     }
 
-    /// The columns of this file that the selection names or that stand out.
+    /// The columns of this file that the selection names or that are detected.
     pub fn find(&self, said: &Selection, number: usize) -> Result<Columns, TableError> {
         let time = if said.rate_hz.is_some() { None } else { self.time(said, number)? };
         let mut taken: Vec<usize> = time.iter().map(|(column, _)| column.index).collect();
@@ -294,11 +294,15 @@ impl Finder<'_> {
         }
         let length = |i| self.column(&POSITION, i, &Quantity { reversed: false, zero: 0.0, ..said.position.clone() });
         let plain = |i| Ok(Column { index: i, name: self.name(i), unit: "1".to_owned(), scale: 1.0, zero: 0.0 });
+        let mut forces = self.several(said.forces.as_ref(), |i| self.column(&FORCE, i, &said.force))?;
+        if let (Some(columns), Some(zeros)) = (&mut forces, said.force_zeros) {
+            columns.iter_mut().zip(zeros).for_each(|(column, zero)| column.zero = zero);
+        }
         let mut columns = Columns {
             time,
             pose: self.several(said.pose.as_ref(), length)?,
             orientation: self.several(said.orientation.as_ref(), plain)?,
-            forces: self.several(said.forces.as_ref(), |i| self.column(&FORCE, i, &said.force))?,
+            forces,
             ..Columns::default()
         };
         for names in said.markers.chunks_exact(3) {

@@ -1,50 +1,114 @@
-//! Bytes of a text file as text.
+//! Finds the encoding of a text file.
 
-use encoding_rs::{Encoding, GBK, UTF_16BE, UTF_16LE, WINDOWS_1252};
+use std::io::{self, Read};
 
-/// UTF-8; UTF-16, with its mark or without; GBK where every other character is one of Chinese text; else Latin-1, in which the units µm and °C
-/// stand in old files.
-pub(super) fn text(bytes: Vec<u8>) -> String {
-    if let Some((encoding, mark)) = Encoding::for_bom(&bytes) {
-        return encoding.decode_without_bom_handling(&bytes[mark..]).0.into_owned();
+use encoding_rs::{Encoding, GBK, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
+
+/// Bytes that are looked at at once.
+const BLOCK: usize = 1 << 18;
+/// Bytes by which UTF-16 without a mark is told.
+const START: u64 = 512;
+
+/// The encoding, and how long its mark is: UTF-8; UTF-16, with its mark or without; GBK where every other character is one of Chinese text;
+/// else Latin-1, in which the units µm and °C stand in old files.
+pub(super) fn of(source: &mut impl Read) -> io::Result<(&'static Encoding, usize)> {
+    let mut start = Vec::new();
+    source.by_ref().take(START).read_to_end(&mut start)?;
+    if let Some(found) = Encoding::for_bom(&start) {
+        return Ok(found);
     }
-    let start = &bytes[..bytes.len().min(512)];
     let none = |from: usize| start.len() > 8 && start.iter().skip(from).step_by(2).all(|byte| *byte == 0);
-    let wide = [(1, UTF_16LE), (0, UTF_16BE)].into_iter().find(|(from, _)| none(*from));
-    match (wide, String::from_utf8(bytes)) {
-        (Some((_, encoding)), Ok(text)) => encoding.decode(text.as_bytes()).0.into_owned(),
-        (Some((_, encoding)), Err(e)) => encoding.decode(e.as_bytes()).0.into_owned(),
-        (None, Ok(text)) => text,
-        (None, Err(e)) => {
-            let encoding = if is_chinese(e.as_bytes()) { GBK } else { WINDOWS_1252 };
-            encoding.decode(e.as_bytes()).0.into_owned()
+    if let Some((_, encoding)) = [(1, UTF_16LE), (0, UTF_16BE)].into_iter().find(|(from, _)| none(*from)) {
+        return Ok((encoding, 0));
+    }
+    let (mut chinese, mut unfinished, mut is_utf8) = (Chinese::default(), Vec::new(), true);
+    let mut block = start;
+    loop {
+        chinese.look_at(&block);
+        if is_utf8 {
+            // a character may be cut in two by the end of a block
+            unfinished.append(&mut block);
+            let valid =
+                std::str::from_utf8(&unfinished).map_or_else(|e| (e.valid_up_to(), e.error_len()), |s| (s.len(), None));
+            is_utf8 = valid.1.is_none();
+            unfinished.drain(..valid.0);
+        }
+        block.resize(BLOCK, 0);
+        let length = source.read(&mut block)?;
+        block.truncate(length);
+        if length == 0 || !(is_utf8 || chinese.possible) {
+            break;
         }
     }
+    let encoding = match (is_utf8 && unfinished.is_empty(), chinese.is_text()) {
+        (true, _) => UTF_8,
+        (false, true) => GBK,
+        (false, false) => WINDOWS_1252,
+    };
+    Ok((encoding, 0))
 }
 
 /// Whether all bytes beyond ASCII come in pairs of GB 2312, most of them characters of its first level, the common ones: an accent of
 /// Latin-1 mostly stands alone, and two in a row (as in German) are of the second level.
-fn is_chinese(bytes: &[u8]) -> bool {
-    let (mut rest, mut characters, mut all) = (bytes, 0_usize, 0_usize);
-    while let [first, tail @ ..] = rest {
-        rest = tail;
-        if first.is_ascii() {
-            continue;
-        }
-        let [second, tail @ ..] = rest else { return false };
-        if !(0xa1..=0xf7).contains(first) || !(0xa1..=0xfe).contains(second) {
-            return false;
-        }
-        rest = tail;
-        all += 1;
-        characters += usize::from((0xb0..=0xd7).contains(first));
+struct Chinese {
+    possible: bool,
+    /// First byte of a pair that has begun.
+    first: Option<u8>,
+    characters: usize,
+    all: usize,
+}
+
+impl Default for Chinese {
+    fn default() -> Self {
+        Self { possible: true, first: None, characters: 0, all: 0 }
     }
-    2 * characters > all
+}
+
+impl Chinese {
+    fn look_at(&mut self, bytes: &[u8]) {
+        if !self.possible || (self.first.is_none() && bytes.is_ascii()) {
+            return;
+        }
+        for &byte in bytes {
+            match self.first.take() {
+                None if byte.is_ascii() => {}
+                None => self.first = Some(byte),
+                Some(first) if (0xa1..=0xf7).contains(&first) && (0xa1..=0xfe).contains(&byte) => {
+                    self.all += 1;
+                    self.characters += usize::from((0xb0..=0xd7).contains(&first));
+                }
+                Some(_) => {
+                    self.possible = false;
+                    return;
+                }
+            }
+        }
+    }
+
+    fn is_text(&self) -> bool {
+        self.possible && self.first.is_none() && 2 * self.characters > self.all
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
+
+    /// Read a few bytes at a time: what is cut in two is put together.
+    struct Bit<'a>(&'a [u8]);
+
+    impl Read for Bit<'_> {
+        fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+            let length = to.len().min(3);
+            self.0.read(&mut to[..length])
+        }
+    }
+
+    fn text(bytes: Vec<u8>) -> String {
+        let (encoding, mark) = of(&mut Bit(&bytes)).unwrap();
+        encoding.decode_without_bom_handling(&bytes[mark..]).0.into_owned()
+    }
 
     #[test]
     fn the_encodings_of_old_files() {

@@ -1,8 +1,8 @@
-//! How the text of a table is laid out: what separates its cells, how numbers are written, where headers and data stand.
+//! Detects the layout of a text table: separator, number format, position of headers and data.
 //!
-//! Data begin with the first rows that have numbers (or times) in two columns or more; further columns may hold words. A word in one of
-//! those columns is a cell that is no number, not the end of the headers: rows above the first whole ones are taken in as far as they have
-//! numbers and headers stand above them.
+//! Data begin with the first rows that have numbers (or times) in two or more columns; other columns may contain
+//! words. A word in a number column is a bad cell; it does not belong to the headers. Rows above the first complete
+//! ones are included if they have numbers and headers above them.
 
 use std::cell::{OnceCell, RefCell};
 
@@ -12,18 +12,18 @@ use super::clock::is_time;
 use super::names;
 use super::number::number;
 
-/// Lines that are looked at for the beginning of the data.
-const LOOKED_AT: usize = 400;
-/// Rows in a row that are data.
+/// Number of lines in which the beginning of the data is searched.
+pub(super) const LOOKED_AT: usize = 400;
+/// Number of consecutive rows that establish data.
 const ROWS: usize = 3;
-/// Rows by which columns and ways to read them are judged.
+/// Number of rows on which the choice of columns and formats is based.
 const JUDGED: usize = 64;
-/// Separators that are tried, in this order where two do as well.
+/// Separators that are tried; of two that fit equally, the first is used.
 const SEPARATORS: [char; 4] = ['\t', ';', ',', ' '];
-/// What comment lines begin with.
+/// Beginnings of comment lines.
 const COMMENTS: [&str; 3] = ["#", "//", "%"];
 
-/// What a cell holds.
+/// Content of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Empty,
@@ -43,37 +43,38 @@ impl Kind {
         }
     }
 
-    /// Whether data can stand in such cells.
+    /// Whether such cells can be data.
     pub(super) const fn is_data(self) -> bool {
         matches!(self, Self::Number | Self::Time)
     }
 }
 
-/// What was seen.
+/// The detected layout.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
     pub separator: char,
     pub decimal_comma: bool,
-    /// Of each column; `None` without headers. With its unit from a row of units.
+    /// Header of each column, with its unit from a row of units; `None` without headers.
     pub headers: Option<Vec<String>>,
-    /// The headers as they stand in the text.
+    /// The header line as in the text.
     pub header_text: Option<String>,
-    /// Number of the first line of data, from 0, and the byte at which it begins.
+    /// Number of the first data line, from 0, and its byte offset.
     pub first_row: usize,
     pub offset: usize,
     pub columns: usize,
     pub comment: Option<String>,
-    /// Columns by which data are told from other lines.
+    /// Columns that distinguish data from other lines.
     pub numeric: Vec<usize>,
-    /// Time between rows, s, where the file says it (LabVIEW's `Delta_X`).
+    /// Time between rows, s, if the file states it (LabVIEW's `Delta_X`).
     pub step_s: Option<f64>,
-    /// What was seen and not taken.
+    /// Message about a line that was found and not used.
     pub note: Option<String>,
     /// Cells and kinds of the first rows.
     rows: Vec<Line>,
 }
 
-/// What separates the cells of a line. The reader of quoted cells is made at the first of them, once: its table of states costs 20 us.
+/// Splits a line into cells. The reader of quoted cells is built only once, at the first of them: its state table
+/// costs 20 us.
 pub(super) struct Splitter {
     separator: char,
     quoted: OnceCell<RefCell<csv_core::Reader>>,
@@ -84,7 +85,7 @@ impl Splitter {
         Self { separator, quoted: OnceCell::new() }
     }
 
-    /// The cells of a line, into a buffer that is used again.
+    /// The cells of a line, in a buffer that is reused.
     pub fn split<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) {
         cells.clear();
         if self.separator == ' ' {
@@ -102,11 +103,11 @@ impl Splitter {
         cells.into_iter().map(Into::into).collect()
     }
 
-    /// Cells of a line of which some may stand in quotation marks.
+    /// Cells of a line that may contain quoted ones.
     fn quoted(&self, line: &str) -> Vec<String> {
         let delimiter = u8::try_from(self.separator).unwrap_or(b',');
         let build = || RefCell::new(csv_core::ReaderBuilder::new().delimiter(delimiter).build());
-        // a clone of such a reader splits wrongly (csv-core 0.1.13), one that is reset does not
+        // a cloned reader splits wrongly (csv-core 0.1.13); one that is reset works
         let mut reader = self.quoted.get_or_init(build).borrow_mut();
         reader.reset();
         let (mut text, mut ends) = (vec![0; line.len() + 1], vec![0; line.len() + 1]);
@@ -123,7 +124,7 @@ impl Splitter {
     }
 }
 
-/// A line by one way of reading it.
+/// A line in one possible format.
 #[derive(Clone, Debug, PartialEq)]
 struct Line {
     number: usize,
@@ -140,13 +141,13 @@ impl Line {
         columns.iter().any(|&c| self.kind(c).is_data())
     }
 
-    /// Whether every one of these columns has a name, or a unit.
+    /// Whether each of these columns has a name or a unit.
     fn names(&self, columns: &[usize]) -> bool {
         columns.iter().all(|&c| self.kind(c) != Kind::Empty)
     }
 }
 
-/// One way of reading the lines: where data begin, and what they are.
+/// The lines in one possible format: start and columns of the data.
 struct Seen<'a> {
     split: &'a Splitter,
     decimal_comma: bool,
@@ -155,9 +156,9 @@ struct Seen<'a> {
     first: usize,
     /// Columns with numbers or times in the first rows.
     numeric: Vec<usize>,
-    /// Cells of the first rows that are words.
+    /// Number of word cells in the first rows.
     words: usize,
-    /// Fewer rows than [`ROWS`] are there.
+    /// Whether there are fewer rows than [`ROWS`].
     short: bool,
 }
 
@@ -168,7 +169,7 @@ impl<'a> Seen<'a> {
             let kinds = cells.iter().map(|cell| Kind::of(cell, decimal_comma)).collect();
             Line { number, cells, kinds }
         };
-        // the rest is only looked at where data begin
+        // further lines are needed only if data begin here
         let mut lines: Vec<Line> = kept.iter().take(ROWS).map(line).collect();
         let mut first = 0;
         let numeric = loop {
@@ -186,11 +187,11 @@ impl<'a> Seen<'a> {
         Some(Self { split, decimal_comma, lines, first, numeric, words, short })
     }
 
-    /// Takes in rows above the first whole ones that have a word among their numbers.
+    /// Includes rows above the first complete ones that have a word among their numbers.
     fn take_in_above(&mut self) {
         let is_row = |i: &usize| self.lines[*i].has_data(&self.numeric);
         let reach = (0..self.first).rev().take_while(is_row).last().unwrap_or(self.first);
-        // specimens 1, 2, 3 can be headers, a word that names nothing can't
+        // specimens 1, 2, 3 can be headers; a word that names no quantity can't
         let words = || self.lines[0].cells.iter().any(|cell| names::is_known(cell));
         let all = if reach == 0 { !words() } else { self.lines[reach - 1].names(&self.numeric) };
         let whole = |i: &usize| self.numeric.iter().all(|&c| self.lines[*i].kind(c).is_data());
@@ -199,20 +200,20 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Columns in which all of some rows have numbers or times, if there are two, one of them of numbers.
+/// Columns in which all of some rows have numbers or times; `None` unless there are two, one of them with numbers.
 fn data_columns(rows: &[Line]) -> Option<Vec<usize>> {
     let least = rows.iter().map(|line| line.kinds.len()).min()?;
     let all = |c: usize, fits: &dyn Fn(Kind) -> bool| rows.iter().all(|line| fits(line.kind(c)));
     let columns: Vec<usize> = (0..least).filter(|&c| all(c, &Kind::is_data)).collect();
     let numbers = columns.iter().any(|&c| all(c, &|kind| kind == Kind::Number));
-    // a list of settings: a word and its values on each line
+    // exclude lists of settings: a word and its values on each line
     let first: Vec<&String> = rows.iter().filter_map(|line| line.cells.first()).collect();
     let settings = all(0, &|kind| kind == Kind::Text) && (rows.len() < 2 || first.windows(2).any(|w| w[0] != w[1]));
     (columns.len() >= 2 && numbers && !settings).then_some(columns)
 }
 
 impl Layout {
-    /// Looks at the beginning of a text; `None` if there is no table of numbers in it.
+    /// Analyses the beginning of a text; `None` if it contains no table of numbers.
     pub fn of(text: &str, said: &TableLayout) -> Option<Self> {
         let lines: Vec<&str> = text.split('\n').take(LOOKED_AT).map(|line| line.trim_end_matches('\r')).collect();
         let comment = said.comment.as_deref();
@@ -228,7 +229,7 @@ impl Layout {
         let ways = splitters.iter().flat_map(|s| decimals.iter().map(move |&d| (s, d)));
         let ways = ways.filter(|&(s, d)| said.separator.is_some() || quoted || !(d && s.separator == ','));
         let seen = ways.filter_map(|(split, comma)| Seen::of(&kept, split, comma));
-        // the reading with the fewest words, then the one that finds data first, then the one with the most columns
+        // prefer the format with the fewest words, then the earliest data, then the most columns
         let score = |seen: &Seen| {
             (seen.short, seen.words, seen.lines[seen.first].number, std::cmp::Reverse(seen.numeric.len()))
         };
@@ -239,7 +240,7 @@ impl Layout {
             };
             usize::from(seen.lines.first().filter(|_| seen.first > 0).filter(is_units).is_some())
         });
-        // behind headers that were named, all is data
+        // if the user gave the header line, everything after it is data
         let behind = seen.lines.iter().skip(units).position(|line| line.has_data(&seen.numeric)).map(|i| i + units);
         match (said.header_line, behind) {
             (Some(1..), Some(first)) => seen.first = seen.first.min(first),
@@ -276,7 +277,7 @@ impl Layout {
         }
     }
 
-    /// What stands in a column, by its first rows.
+    /// Content of a column, from its first rows.
     pub fn kind(&self, column: usize) -> Kind {
         let kinds = || self.rows.iter().map(|line| line.kind(column));
         let most = [Kind::Time, Kind::Number, Kind::Text];
@@ -284,7 +285,7 @@ impl Layout {
         most.into_iter().filter(|kind| count(*kind) > 0).max_by_key(|kind| count(*kind)).unwrap_or(Kind::Empty)
     }
 
-    /// Whether there are rows enough to be a recording.
+    /// Whether there are enough rows for a recording.
     pub fn has_rows(&self) -> bool {
         self.rows.len() >= ROWS
     }
@@ -314,8 +315,8 @@ impl Above<'_> {
         self.seen.numeric.iter().all(|&c| cells.get(c).is_some_and(|cell| !cell.is_empty()))
     }
 
-    /// The nearest line above the data that names every column of numbers, or the one that was said; a row of units goes into the headers.
-    /// Beside them the line as it stands, and what was not taken.
+    /// The nearest line above the data that names every number column, or the line that the user gave. A row of units
+    /// is merged into the headers. Also returns the line itself, and a message about a line that was not used.
     fn headers(
         &self,
         said: Option<usize>,
@@ -329,7 +330,7 @@ impl Above<'_> {
             let names = self.split(line - 1);
             return (Some(units_below.map_or(names.clone(), |units| with_units(&names, &units))), text(line - 1), None);
         }
-        // headers may stand in a comment, and comments between them and the data
+        // headers may be in a comment, and comments may be between them and the data
         let kept = |&i: &usize| {
             !self.lines[i].trim().is_empty()
                 && (!is_comment(self.lines[i], None) || self.split(i).len() == self.columns)
@@ -366,7 +367,7 @@ fn with_units(names: &[String], units: &[String]) -> Vec<String> {
     names.iter().enumerate().map(one).collect()
 }
 
-/// What the head of a file of LabVIEW says of its channels.
+/// Channel information in the head of a LabVIEW file.
 #[derive(Default)]
 struct LabView {
     units: Vec<String>,
@@ -393,7 +394,7 @@ impl LabView {
     }
 }
 
-/// Headers with blanks in them, two blanks or more apart.
+/// Headers that contain blanks, separated by two or more blanks.
 fn by_gaps(line: &str) -> Vec<String> {
     line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(str::to_owned).collect()
 }

@@ -1,5 +1,6 @@
-//! Tables of numbers as text: what load cells, testing machines and spreadsheets write.
+//! Text tables of numbers, as written by load cells, testing machines and spreadsheets.
 
+mod arrays;
 mod clock;
 mod columns;
 mod encoding;
@@ -7,17 +8,20 @@ mod layout;
 mod names;
 mod number;
 mod rows;
+mod source;
+mod text;
+#[cfg(feature = "xlsx")]
+mod workbook;
 
-use std::fs;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use super::{Selection, TableLayout};
 pub use clock::Clock;
 use columns::Finder;
 pub use columns::{Column, Columns};
-use layout::Layout;
+use layout::{LOOKED_AT, Layout};
 use needle_core::twin::Pose;
+use source::Source;
 
 /// Why a table can't be read.
 #[derive(Debug, thiserror::Error)]
@@ -31,17 +35,17 @@ pub enum TableError {
         /// Why.
         source: std::io::Error,
     },
-    /// A file of another program.
+    /// A file in another format.
     #[error("{}: {what} is not read; make a CSV of it: {how}", .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// Its format.
         what: &'static str,
-        /// How to make a table of it.
+        /// How to convert it to a table.
         how: String,
     },
-    /// There is no table in it.
+    /// The file contains no table.
     #[error(
         "{}: no rows of numbers were found in its first lines; say how it is laid out with --separator, --decimal-comma, \
          --header-line or --comment", .path.display()
@@ -50,72 +54,90 @@ pub enum TableError {
         /// The file.
         path: PathBuf,
     },
-    /// Columns can't be told, or have no unit.
+    /// Columns are ambiguous, or have no unit.
     #[error("{file}: {reason}. Its columns: {columns}")]
     Columns {
         /// The file.
         file: String,
         /// What is wrong, and what to do.
         reason: String,
-        /// What there is.
+        /// The columns of the file.
         columns: String,
     },
-    /// No file has what is needed.
+    /// No file has a required quantity.
     #[error("no column for the {what}: name it with {option}, by its header or its number from 1. {columns}")]
     Missing {
-        /// What is needed.
+        /// The quantity.
         what: &'static str,
-        /// How it is named.
+        /// The option that names its column.
         option: &'static str,
         /// Columns of all files.
         columns: String,
     },
-    /// No file has a column that was named.
+    /// No file has a column that the user named.
     #[error("{option} {name}: there is no such column. {columns}")]
     NoColumn {
-        /// How it was named.
+        /// The option that named it.
         option: &'static str,
         /// Its name.
         name: String,
         /// Columns of all files.
         columns: String,
     },
-    /// Several recordings are in one file, or not as many as was said.
+    /// One file has several recordings, or not the requested number.
     #[error("{file}: {reason}: {blocks}")]
     Blocks {
         /// The file.
         file: String,
         /// What is wrong, and what to do.
         reason: String,
-        /// What there is.
+        /// The recordings of the file.
         blocks: String,
+    },
+    /// A file that is no text can't be taken as it is.
+    #[error("{}: {reason}", .path.display())]
+    Contents {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// An option has no meaning for the files.
+    #[error("{option} says nothing of {}: {remedy}", .path.display())]
+    NotHere {
+        /// The option.
+        option: &'static str,
+        /// The first of the files.
+        path: PathBuf,
+        /// What to do.
+        remedy: &'static str,
     },
 }
 
-/// Rows of one file, as far as they were taken.
+/// The rows of one file that were read.
 #[derive(Debug, Default)]
 pub struct Table {
     /// Its name.
     pub file: String,
-    /// How it is laid out, in words.
+    /// Description of the layout.
     pub layout: String,
-    /// The columns that were taken.
+    /// The columns that are used.
     pub columns: Columns,
-    /// All columns, in words.
+    /// Description of all columns.
     pub all_columns: String,
-    /// Rows of data.
+    /// Number of data rows.
     pub rows: u64,
-    /// Rows with a cell that is no number, and the first of them with its line.
+    /// Number of rows with a cell that is not a number.
     pub bad: u64,
-    /// See `bad`.
+    /// The first of these rows with its line number.
     pub first_bad: Option<String>,
-    /// What is odd but cost nothing.
+    /// Irregularities without a loss of data.
     pub warnings: Vec<String>,
-    /// Rows per second, where they have no time of their own.
+    /// Rows per second, if they have no time.
     pub rate_hz: Option<f64>,
-    /// Columns that were named, by their options, and are not in this file.
+    /// Columns that the user named, by their options, and that are not in this file.
     absent: Vec<(&'static str, String)>,
-    /// Lines from the first to the last, from 1.
+    /// First and last line, from 1.
     lines: [usize; 2],
     pub(super) depths: Vec<(i64, f64)>,
     pub(super) forces: Vec<(i64, [f64; 3])>,
@@ -123,54 +145,25 @@ pub struct Table {
     pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
 }
 
-/// Files that are no text, with the one line of Python that makes a table of them.
-fn refuse_foreign(path: &Path) -> Result<(), TableError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let file = path.display();
-    let frame = |imports: &str, frame: &str| {
-        format!("python -c \"import {imports}, pandas as p; p.{frame}.to_csv('{file}.csv', index=False)\"")
-    };
-    let variables = "DataFrame({k: v.ravel() for k, v in s.loadmat('FILE').items() if k[0] != '_'})";
-    let datasets = "DataFrame({k: v[:].ravel() for k, v in h.File('FILE').items() if isinstance(v, h.Dataset)})";
-    let (what, imports, code) = match extension.as_str() {
-        "mat" if starts_with(path, b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h", datasets),
-        "mat" => ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s", variables),
-        "xlsx" | "xls" | "ods" => ("a spreadsheet", "openpyxl", "read_excel('FILE')"),
-        "npy" => ("an array of NumPy", "numpy as n", "DataFrame(n.load('FILE')).add_prefix('c')"),
-        "npz" => ("an archive of NumPy", "numpy as n", "DataFrame(dict(n.load('FILE')))"),
-        "h5" | "hdf5" => ("an HDF5 file", "h5py as h", datasets),
-        "tdms" => ("a TDMS file", "nptdms as t", "DataFrame(t.TdmsFile.read('FILE').as_dataframe())"),
-        "parquet" => ("a Parquet file", "pyarrow", "read_parquet('FILE')"),
-        _ => return Ok(()),
-    };
-    let how = frame(imports, &code.replace("FILE", &file.to_string()));
-    Err(TableError::Foreign { path: path.to_owned(), what, how })
-}
-
-/// Whether a file can be read and begins so.
-fn starts_with(path: &Path, bytes: &[u8]) -> bool {
-    let mut start = vec![0; bytes.len()];
-    fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok() && start == bytes)
-}
-
 impl Table {
-    /// Reads the file with the given number, from 0, of those of a recording.
+    /// Reads one file of a recording; `file_number` is its index, from 0.
     ///
     /// # Errors
     /// [`TableError`].
     pub fn read(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        Self::from_bytes(path, bytes_of(path)?, said, file_number)
+        Self::of_source(path, Source::of_file(path, &said.layout)?, said, file_number)
     }
 
-    /// As [`Table::read`], from what the file holds.
+    /// Same as [`Table::read`], with the file's content given.
     ///
     /// # Errors
     /// [`TableError`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        let text = encoding::text(bytes);
-        let text = text.trim_start_matches('\u{feff}');
-        let file = path.display().to_string();
-        let mut blocks = Blocks { text, said, file: &file, file_number, place: Some([0, 0]) };
+        Self::of_source(path, Source::of_bytes(path, bytes, &said.layout)?, said, file_number)
+    }
+
+    fn of_source(path: &Path, source: Source, said: &Selection, file_number: usize) -> Result<Self, TableError> {
+        let mut blocks = Blocks::new(path, source, said, file_number);
         let no_table = || TableError::NoTable { path: path.to_owned() };
         let mut wanted = blocks.next().ok_or_else(no_table)??;
         let mut all = vec![wanted.extent()];
@@ -180,8 +173,9 @@ impl Table {
                     all.push(block.extent());
                     wanted = if said.layout.block == Some(number) { block } else { wanted };
                 }
-                // of a block that nobody wants the columns don't matter
+                // errors in the columns of a block that is not requested are ignored
                 Err(error) if said.layout.block == Some(number) => return Err(error),
+                Err(error @ TableError::Open { .. }) => return Err(error),
                 Err(_) => all.push("of other columns".to_owned()),
             }
         }
@@ -191,10 +185,11 @@ impl Table {
             _ => return Ok(wanted),
         };
         let blocks = (1..).zip(all).map(|(n, extent): (usize, _)| format!("{n} is {extent}")).collect::<Vec<_>>();
-        Err(TableError::Blocks { file: file.clone(), reason: reason.to_owned(), blocks: blocks.join(", ") })
+        let file = path.display().to_string();
+        Err(TableError::Blocks { file, reason: reason.to_owned(), blocks: blocks.join(", ") })
     }
 
-    /// Columns that were named and are not in this file.
+    /// Columns that the user named and that are not in this file.
     pub(super) fn absent(&self) -> &[(&'static str, String)] {
         &self.absent
     }
@@ -205,70 +200,85 @@ impl Table {
     }
 }
 
-fn bytes_of(path: &Path) -> Result<Vec<u8>, TableError> {
-    refuse_foreign(path)?;
-    fs::read(path).map_err(|source| TableError::Open { path: path.to_owned(), source })
+/// Refuses options that have no meaning for any of the files.
+pub(super) fn refuse_options(paths: &[PathBuf], said: &Selection) -> Result<(), TableError> {
+    source::refuse_options(paths.iter().map(PathBuf::as_path), &said.layout)
 }
 
-/// How many recordings a file holds one after the other; 1 where that can't be told.
+/// Number of consecutive recordings in a file; 1 if it can't be determined.
 #[must_use]
 pub fn blocks(path: &Path, said: &Selection) -> usize {
-    let Ok(bytes) = bytes_of(path) else { return 1 };
-    let text = encoding::text(bytes);
-    let file = path.display().to_string();
-    Blocks { text: text.trim_start_matches('\u{feff}'), said, file: &file, file_number: 0, place: Some([0, 0]) }
-        .count()
-        .max(1)
+    let Ok(source) = Source::of_file(path, &said.layout) else { return 1 };
+    Blocks::new(path, source, said, 0).count().max(1)
 }
 
-/// The recordings that stand one after the other in a text.
+/// The recordings that stand one after the other in a file.
 struct Blocks<'a> {
-    text: &'a str,
+    path: &'a Path,
+    file: String,
+    source: Source,
     said: &'a Selection,
-    file: &'a str,
     file_number: usize,
-    /// Byte and line at which the next one begins.
-    place: Option<[usize; 2]>,
+    /// Line at which the next one begins, from 0.
+    line: Option<usize>,
+}
+
+impl<'a> Blocks<'a> {
+    fn new(path: &'a Path, source: Source, said: &'a Selection, file_number: usize) -> Self {
+        Self { path, file: path.display().to_string(), source, said, file_number, line: Some(0) }
+    }
+
+    /// A table of which no row was taken yet.
+    fn table(&mut self, layout: &Layout, line: usize) -> Result<Table, TableError> {
+        let finder = Finder { file: &self.file, layout };
+        let columns = finder.find(self.said, self.file_number)?;
+        let gone = columns::named(self.said).into_iter().filter_map(|(option, name)| match finder.named(name) {
+            Ok(Some(_)) => None,
+            Ok(None) => Some(Ok((option, name.to_owned()))),
+            Err(error) => Some(Err(error)),
+        });
+        let rate_hz = self.said.rate_hz.or_else(|| layout.step_s.map(|step| step.recip()));
+        let notes = self.source.notes.drain(..).chain(layout.note.clone());
+        Ok(Table {
+            layout: self.source.what.clone() + &describe(layout, line),
+            all_columns: finder.describe(),
+            absent: gone.collect::<Result<_, _>>()?,
+            warnings: notes.map(|note| format!("{}: {note}", self.file)).collect(),
+            rate_hz: rate_hz.filter(|_| columns.time.is_none()),
+            file: self.file.clone(),
+            columns,
+            ..Table::default()
+        })
+    }
+
+    fn read(&mut self, line: usize) -> Option<Result<Table, TableError>> {
+        let open = |path: &Path, source| TableError::Open { path: path.to_owned(), source };
+        // the line of the headers was said of the first
+        let header_line = self.source.layout.header_line.filter(|n| line == 0 || *n == 0);
+        let said = TableLayout { header_line, ..self.source.layout.clone() };
+        let layout = match self.source.text.head(LOOKED_AT + 1) {
+            Ok(head) => Layout::of(head, &said)?,
+            Err(error) => return Some(Err(open(self.path, error))),
+        };
+        let table = self.table(&layout, line);
+        let mut table = match table {
+            Ok(table) => table,
+            Err(error) => return Some(Err(error)),
+        };
+        match table.take(&mut self.source.text, &layout, line) {
+            Ok(next) => self.line = next,
+            Err(error) => return Some(Err(open(self.path, error))),
+        }
+        Some(table.believable().map(|()| table))
+    }
 }
 
 impl Iterator for Blocks<'_> {
     type Item = Result<Table, TableError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let [byte, line] = self.place.take()?;
-        // the line of the headers was said of the first
-        let header_line = self.said.layout.header_line.filter(|n| byte == 0 || *n == 0);
-        let said = TableLayout { header_line, ..self.said.layout.clone() };
-        let text = &self.text[byte..];
-        let layout = Layout::of(text, &said)?;
-        let finder = Finder { file: self.file, layout: &layout };
-        let table = finder.find(self.said, self.file_number).and_then(|columns| {
-            let named = columns::named(self.said);
-            let gone = named.into_iter().filter_map(|(option, name)| match finder.named(name) {
-                Ok(Some(_)) => None,
-                Ok(None) => Some(Ok((option, name.to_owned()))),
-                Err(error) => Some(Err(error)),
-            });
-            Ok(Table {
-                file: self.file.to_owned(),
-                layout: describe(&layout, line),
-                all_columns: finder.describe(),
-                absent: gone.collect::<Result<_, _>>()?,
-                warnings: layout.note.iter().map(|note| format!("{}: {note}", self.file)).collect(),
-                columns,
-                ..Table::default()
-            })
-        });
-        let mut table = match table {
-            Ok(table) => table,
-            Err(error) => return Some(Err(error)),
-        };
-        let rate_hz = self.said.rate_hz.or_else(|| layout.step_s.map(|step| step.recip()));
-        let rate_hz = rate_hz.filter(|_| table.columns.time.is_none());
-        table.rate_hz = rate_hz;
-        let end = table.take(text, &layout, line, rate_hz);
-        self.place = end.map(|[b, l]| [byte + b, l]);
-        Some(table.believable().map(|()| table))
+        let line = self.line.take()?;
+        self.read(line)
     }
 }
 

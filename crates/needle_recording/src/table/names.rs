@@ -1,11 +1,11 @@
-//! Words that stand for time, position and force in headers: English, German, French, Spanish, Italian, Chinese, Japanese.
+//! Words for time, position and force in headers: English, German, French, Spanish, Italian, Chinese, Japanese.
 
-/// Words of one quantity, in small letters.
+/// Words for one quantity, in lower case.
 pub(super) struct Words {
     words: &'static [&'static str],
-    /// A word that ends so is one as well: `Standardkraft`.
+    /// A word with this ending counts too: `Standardkraft`.
     ends: &'static [&'static str],
-    /// A header that begins so, or has it anywhere: words of a script without blanks.
+    /// A header that starts with this or contains it: words of a script without blanks.
     parts: &'static [&'static str],
 }
 
@@ -67,7 +67,7 @@ pub(super) const FORCE: Words = Words {
     ends: &["kraft"],
     parts: &["力", "载荷", "负荷", "荷重", "负载"],
 };
-/// What a header with such a word holds is a rate, a stress or a command.
+/// A header with such a word is a rate, a stress or a command.
 const OTHERS: [&str; 14] = [
     "rate",
     "speed",
@@ -87,7 +87,7 @@ const OTHERS: [&str; 14] = [
 const OTHER_PARTS: [&str; 4] = ["应力", "应变", "速度", "応力"];
 
 impl Words {
-    /// How well a header names the quantity: 2 by its first word, 1 by another, 0 not at all.
+    /// How well a header names the quantity: 2 by its first word, 1 by another one, 0 not at all.
     pub fn rank(&self, header: &str) -> u8 {
         let header = header.trim().trim_start_matches('"').to_lowercase();
         let name = header.split(['(', '[', '<']).next().unwrap_or_default();

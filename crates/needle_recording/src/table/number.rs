@@ -1,9 +1,9 @@
-//! Numbers as programs write them.
+//! Number formats.
 
-/// What stands between groups of three digits, besides the sign that is not the decimal one.
+/// Separators between groups of three digits, in addition to the point or comma that is not the decimal sign.
 const GROUPS: [char; 5] = ['\'', '’', ' ', '\u{a0}', '\u{202f}'];
 
-/// A number: 0.5, or 0,5 where the decimal sign is a comma; 1,005.0, 1.005,0 and 1'005.0 have groups of three digits.
+/// A number: 0.5, or 0,5 with a decimal comma. 1,005.0, 1.005,0 and 1'005.0 have groups of three digits.
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     let cell = cell.trim();
     let (point, other) = if decimal_comma { (',', '.') } else { ('.', ',') };
@@ -15,7 +15,7 @@ pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     if decimal_comma && cell.contains(',') { cell.replace(',', ".").parse().ok() } else { cell.parse().ok() }
 }
 
-/// The digits without what groups them, with a decimal point.
+/// The digits without group separators, with a decimal point.
 fn ungrouped(cell: &str, point: char, other: char) -> Option<String> {
     let (whole, fraction) = cell.split_once(point).map_or((cell, None), |(whole, fraction)| (whole, Some(fraction)));
     let digits = whole.trim_start_matches(['-', '+']);
@@ -24,7 +24,7 @@ fn ungrouped(cell: &str, point: char, other: char) -> Option<String> {
     let is_group = |group: &str, lengths: std::ops::RangeInclusive<usize>| {
         lengths.contains(&group.len()) && group.bytes().all(|b| b.is_ascii_digit())
     };
-    // 0,005 is no five
+    // 0,005 is not five
     let first = groups.next().filter(|first| is_group(first, 1..=3) && !first.starts_with('0'))?;
     let rest = groups.map(|group| is_group(group, 3..=3).then_some(group)).collect::<Option<String>>()?;
     let sign = if whole.starts_with('-') { "-" } else { "" };

@@ -1,24 +1,26 @@
-//! The rows of a table: cells that are wanted, and where the next recording begins.
+//! Reads the rows of a table: the required cells, and the start of the next recording.
 
 use std::borrow::Cow;
+use std::io;
 
 use super::columns::{Column, Columns};
 use super::layout::{self, Kind, Layout, Splitter};
 use super::number::number;
+use super::text::Text;
 use super::{Clock, Table, TableError, clock};
 use crate::adapter::forward;
 use needle_core::twin::Pose;
 use ros2_messages::geometry_msgs::Quaternion;
 
-/// The instrument of poses without an orientation points straight down.
+/// Direction of an instrument whose poses have no orientation: straight down.
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
-/// Times beyond this are no stamps in ns of 64 bits, s.
+/// Largest time that fits a stamp of 64 bits in ns, s.
 const LONGEST_S: f64 = 9e9;
-/// A time that steps back by more begins again, ns.
+/// A larger step back in time starts a new recording, ns.
 const AGAIN_NS: i64 = 1_000_000_000;
 const HALF_A_DAY_NS: i64 = 43_200_000_000_000;
 
-/// What a row says.
+/// Content of a row.
 #[derive(Default)]
 struct Row {
     stamp: Option<i64>,
@@ -26,20 +28,20 @@ struct Row {
     force_n: Option<[f64; 3]>,
     pose: Option<Pose>,
     markers: Option<Vec<[f64; 3]>>,
-    /// Whether a cell that is needed is no number.
+    /// Whether a required cell is not a number.
     bad: bool,
 }
 
-/// Lines without data, and bad rows among them: the end of a recording, or of the file, or a loss.
+/// Lines without data, with the bad rows among them: the end of a recording or of the file, or a loss.
 #[derive(Default)]
 struct Gap {
-    /// Byte and line of its beginning.
-    place: [usize; 2],
-    words: usize,
+    /// Line of its beginning, and its text.
+    line: usize,
+    text: String,
     rows: Vec<Row>,
     bad: u64,
     first_bad: Option<String>,
-    /// The headers stand in it again.
+    /// Whether it repeats the headers.
     headers: bool,
 }
 
@@ -54,7 +56,7 @@ impl Cells<'_> {
         self.cells.get(index).map_or("", |cell| cell.as_ref())
     }
 
-    /// The number in SI; `None` of an empty cell.
+    /// The number in SI; `None` for an empty cell.
     fn value(&self, column: &Column) -> Result<Option<f64>, ()> {
         let cell = self.text(column.index);
         if cell.is_empty() {
@@ -63,7 +65,7 @@ impl Cells<'_> {
         number(cell, self.comma).filter(|x| x.is_finite()).map(|x| Some(column.si(x))).ok_or(())
     }
 
-    /// As [`Cells::value`], NaN of a cell that says so: an axis that is not measured.
+    /// As [`Cells::value`]; NaN if the cell says so: an axis that is not measured.
     fn component(&self, column: &Column) -> Result<f64, ()> {
         let nan = |cell: &str| cell.is_empty() || cell.eq_ignore_ascii_case("nan");
         if nan(self.text(column.index)) { Ok(f64::NAN) } else { self.value(column).map(|x| x.unwrap_or(f64::NAN)) }
@@ -78,7 +80,7 @@ impl Cells<'_> {
         Ok(Some(values))
     }
 
-    /// Time, ns; `None` of an empty cell.
+    /// Time, ns; `None` for an empty cell.
     fn stamp(&self, (column, clock): &(Column, Clock)) -> Result<Option<i64>, ()> {
         let cell = self.text(column.index);
         if cell.is_empty() {
@@ -112,7 +114,7 @@ impl Cells<'_> {
         row
     }
 
-    /// What stands before a cell that is no number is kept.
+    /// Fills the row; on an error, the cells before the bad one are kept.
     fn fill(&self, columns: &Columns, row: &mut Row) -> Result<(), ()> {
         if let Some(column) = &columns.position {
             row.depth_m = self.value(column)?;
@@ -134,7 +136,7 @@ impl Cells<'_> {
             row.pose = self.several(pose)?.zip(axis).map(|(tip, axis)| Pose { tip, axis });
         }
         if !columns.markers.is_empty() {
-            // an empty cell: not seen
+            // an empty cell means that the marker was not seen
             let one = |column: &Column| self.value(column).map(|x| x.unwrap_or(f64::NAN));
             let of = |[x, y, z]: &[Column; 3]| Ok::<_, ()>([one(x)?, one(y)?, one(z)?]);
             row.markers = Some(columns.markers.iter().map(of).collect::<Result<Vec<_>, ()>>()?);
@@ -144,81 +146,85 @@ impl Cells<'_> {
 }
 
 impl Table {
-    /// Takes the cells that are wanted of every row, and gives byte and line at which the next recording begins. `line`: number of the
-    /// text's first line, from 0.
-    pub(super) fn take(
-        &mut self,
-        text: &str,
-        layout: &Layout,
-        line: usize,
-        rate_hz: Option<f64>,
-    ) -> Option<[usize; 2]> {
-        let (columns, split) = (self.columns.clone(), Splitter::new(layout.separator));
-        let (mut byte, mut number) = (layout.offset, line + layout.first_row);
-        let (mut cells, mut gap, mut blank) = (Vec::new(), None::<Gap>, false);
+    /// Takes the cells that are wanted of every row, and gives the line at which the next recording begins; the text goes on there. `line`:
+    /// number of the text's first line, from 0.
+    pub(super) fn take(&mut self, text: &mut Text, layout: &Layout, line: usize) -> io::Result<Option<usize>> {
+        let (columns, split, rate_hz) = (self.columns.clone(), Splitter::new(layout.separator), self.rate_hz);
+        let (mut number, mut gap, mut blank) = (line + layout.first_row, None::<Gap>, false);
         let mut clock = Unrolled { of_day: matches!(columns.time, Some((_, Clock::TimeOfDay))), ..Unrolled::default() };
         self.lines = [number + 1; 2];
         let mut passed = 0_u64;
-        for whole in text[byte..].split_inclusive('\n') {
-            let (place, raw) = ([byte, number], whole.trim_end_matches(['\n', '\r']));
-            byte += whole.len();
-            number += 1;
-            if raw.trim().is_empty() {
-                blank = true;
-                continue;
-            }
-            if layout::is_comment(raw, layout.comment.as_deref()) {
-                continue;
-            }
-            split.split(raw, &mut cells);
-            let of = Cells { cells: &cells, comma: layout.decimal_comma };
-            let mut row = of.row(&columns, rate_hz.map(|hz| passed as f64 / hz));
-            row.stamp = row.stamp.map(|stamp| clock.unrolled(stamp));
-            let back = row.stamp.zip(clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
-            let text = row.bad && {
-                let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
-                !layout.numeric.iter().any(data)
-            };
-            if !row.bad {
-                if gap.as_ref().map_or(blank && back, |gap| gap.headers || back) {
-                    return Some(gap.map_or(place, |gap| gap.place));
+        text.skip(layout.offset);
+        while let Some(piece) = text.take()? {
+            let (mut cells, mut byte) = (Vec::new(), 0);
+            for whole in piece.split_inclusive('\n') {
+                let (place, raw) = ([byte, number], whole.trim_end_matches(['\n', '\r']));
+                byte += whole.len();
+                number += 1;
+                if let Some(gap) = &mut gap {
+                    gap.text.push_str(whole);
                 }
-                if let Some(gap) = gap.take() {
-                    self.lose(gap);
+                if raw.trim().is_empty() {
+                    blank = true;
+                    continue;
                 }
-                clock.last = row.stamp.or(clock.last);
-                self.add(row);
-            } else if text || gap.is_some() {
-                let gap = gap.get_or_insert_with(|| Gap { place, ..Gap::default() });
-                gap.words += usize::from(text);
-                gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
-                gap.bad += 1;
-                gap.first_bad.get_or_insert_with(|| shown(number, &cells));
-                gap.rows.push(row);
-            } else {
-                self.bad += 1;
-                self.first_bad.get_or_insert_with(|| shown(number, &cells));
-                self.add(row);
-            }
-            blank = false;
-            passed += 1;
-            if gap.is_none() {
-                self.rows += 1;
-                self.lines[1] = number;
+                if layout::is_comment(raw, layout.comment.as_deref()) {
+                    continue;
+                }
+                split.split(raw, &mut cells);
+                let of = Cells { cells: &cells, comma: layout.decimal_comma };
+                let mut row = of.row(&columns, rate_hz.map(|hz| passed as f64 / hz));
+                row.stamp = row.stamp.map(|stamp| clock.unrolled(stamp));
+                let back = row.stamp.zip(clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
+                let words = row.bad && {
+                    let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
+                    !layout.numeric.iter().any(data)
+                };
+                if !row.bad {
+                    if gap.as_ref().map_or(blank && back, |gap| gap.headers || back) {
+                        let (mut again, next) =
+                            gap.map_or_else(|| (whole.to_owned(), place[1]), |gap| (gap.text, gap.line));
+                        again.push_str(&piece[byte..]);
+                        text.put_back(again);
+                        return Ok(Some(next));
+                    }
+                    if let Some(gap) = gap.take() {
+                        self.lose(gap);
+                    }
+                    clock.last = row.stamp.or(clock.last);
+                    self.add(row);
+                } else if words || gap.is_some() {
+                    let begun = || Gap { line: place[1], text: whole.to_owned(), ..Gap::default() };
+                    let gap = gap.get_or_insert_with(begun);
+                    gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
+                    gap.bad += 1;
+                    gap.first_bad.get_or_insert_with(|| shown(number, &cells));
+                    gap.rows.push(row);
+                } else {
+                    self.bad += 1;
+                    self.first_bad.get_or_insert_with(|| shown(number, &cells));
+                    self.add(row);
+                }
+                blank = false;
+                passed += 1;
+                if gap.is_none() {
+                    self.rows += 1;
+                    self.lines[1] = number;
+                }
             }
         }
-        let gap = gap?;
+        let Some(gap) = gap else { return Ok(None) };
         // what stands behind the last row is no row of it: another table, or a foot
-        let another =
-            Layout::of(&text[gap.place[0]..], &super::TableLayout { header_line: None, ..Default::default() });
+        let another = Layout::of(&gap.text, &super::TableLayout { header_line: None, ..Default::default() });
         if another.is_some_and(|other| other.has_rows()) {
-            return Some(gap.place);
+            text.put_back(gap.text);
+            return Ok(Some(gap.line));
         }
         let (file, count) = (&self.file, gap.bad);
         let lines = if count == 1 { "1 line" } else { &format!("{count} lines") };
         self.warnings
-            .push(format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.place[1] + 1));
-        None
+            .push(format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.line + 1));
+        Ok(None)
     }
 
     fn lose(&mut self, gap: Gap) {
@@ -238,7 +244,7 @@ impl Table {
         self.markers.extend(row.markers.map(|markers| (stamp, markers)));
     }
 
-    /// Refuses a table of which no row could be taken.
+    /// Rejects a table without a usable row.
     pub(super) fn believable(&self) -> Result<(), TableError> {
         let nothing =
             self.depths.is_empty() && self.forces.is_empty() && self.poses.is_empty() && self.markers.is_empty();
@@ -258,7 +264,7 @@ impl Table {
     }
 }
 
-/// Times of day as they go on past midnight.
+/// Continues times of day past midnight.
 #[derive(Default)]
 struct Unrolled {
     of_day: bool,

@@ -1,4 +1,4 @@
-//! One way to discretise and step a scene: what a row of the study is the result of.
+//! A case of the study: one combination of discretisation and stepping for a scene.
 
 use needle_core::scene::Word as _;
 use std::fmt;
@@ -8,19 +8,19 @@ use super::StudyError;
 use needle_core::scene::{Dimension, Method, Override, Scene};
 use needle_core::twin::coarsest_path;
 
-/// Inertial error that is tolerated where the tissue is waited for, small against the errors under study.
+/// Tolerance of the inertial error for runs to equilibrium; small relative to the errors under study.
 const TOLERANCE_AT_REST: &str = "0.003";
-/// Digits of a spacing that count.
+/// Significant digits of a spacing.
 const DIGITS: i32 = 4;
 
 /// Explicit steps of one pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Steps {
-    /// As many as the scene's `stepping` keys give.
+    /// Chosen by the scene's `stepping` keys.
     Auto,
-    /// So many for every pose that moves.
+    /// The same number for every pose that moves.
     Fixed(u32),
-    /// The instrument stays at each depth that is compared until the tissue is at rest: no inertia is left.
+    /// The instrument stays at each compared depth until the tissue is at rest, so that no inertia remains.
     Rest,
 }
 
@@ -46,30 +46,30 @@ impl FromStr for Steps {
     }
 }
 
-/// One way to discretise and step a scene, in the words of its keys.
+/// One combination of discretisation and stepping, with the names of the scene's keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// `discretisation.method`.
     pub method: String,
-    /// `discretisation.volume_ratio`: the cure of volumetric locking.
+    /// `discretisation.volume_ratio`: the treatment of volumetric locking.
     pub volume_ratio: String,
     /// `discretisation.dimension`: `axisymmetric` or `full`.
     pub dimension: String,
-    /// Spacing far from every edge, m.
+    /// Spacing far from all edges, m.
     pub spacing_m: f64,
-    /// Spacing at the instrument's edge of contact or along its path, m.
+    /// Spacing at the edge of the instrument's contact or along its path, m.
     pub edge_spacing_m: f64,
-    /// `discretisation.growth`; 0 in a table that does not say it.
+    /// `discretisation.growth`; 0 if a table does not contain it.
     pub growth: f64,
     /// `discretisation.path_rings`.
     pub path_rings: u32,
-    /// `discretisation.support_factor`; linear tetrahedra have no support, and the scene's value here.
+    /// `discretisation.support_factor`. Linear tetrahedra have no support; they keep the scene's value.
     pub support_factor: f64,
     /// `discretisation.points_per_cell`.
     pub points_per_cell: u32,
-    /// `discretisation.cells_per_point`, whether the case can follow it or not.
+    /// `discretisation.cells_per_point`, even if it does not apply to the case.
     pub cells_per_point: u32,
-    /// `discretisation.points_per_support_node`, whether the case can follow it or not.
+    /// `discretisation.points_per_support_node`, even if it does not apply to the case.
     pub points_per_support_node: u32,
     /// `discretisation.points_per_hexahedron`; 0: the cells are tetrahedra.
     pub points_per_hexahedron: u32,
@@ -79,23 +79,25 @@ pub struct Case {
     pub pose_hz: f64,
     /// Steps of one pose.
     pub steps: Steps,
-    /// Corrected by what a finer cloud has at rest along the path (`study::correction`).
+    /// Whether it is corrected by the equilibrium of a finer cloud along the path (`study::correction`).
     pub corrected: bool,
 }
 
-/// Growth of the spacing, support factor, rings round the path, and the fewest of eight points for a node of their supports, of coarse surroundings in
-/// space: these are too soft, narrow supports too stiff, and less so without nodes that few points share (`docs/lab/performance.md`).
+/// Coarse surroundings in three dimensions: growth of the spacing, support factor, rings around the path, and the
+/// least number, of eight neighbouring points, that must share a support node. Coarse surroundings are too soft, and
+/// narrow supports too stiff. The stiffness is reduced if nodes that few points share are left out
+/// (`docs/lab/performance.md`).
 const GROWTH: f64 = 0.45;
 const SUPPORT: f64 = 1.5;
 const RINGS: u32 = 2;
 const SHARING: u32 = 2;
 
 impl Case {
-    /// The scene's own choices.
+    /// The scene's own settings.
     ///
     /// # Errors
-    /// [`StudyError::NoCloud`] for a scene whose cloud is read from a file, [`StudyError::NoMotion`] for one that
-    /// doesn't move.
+    /// [`StudyError::NoCloud`] for a scene whose cloud is read from a file, [`StudyError::NoMotion`] for one without
+    /// motion.
     pub fn of(scene: &Scene) -> Result<Self, StudyError> {
         let d = &scene.discretisation;
         let grading = d.grading.ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
@@ -122,14 +124,14 @@ impl Case {
         })
     }
 
-    /// The same with coarse surroundings and narrow supports, in space.
+    /// The same with coarse surroundings and narrow supports, in three dimensions.
     #[must_use]
     pub fn with_coarse_surroundings(&self) -> Self {
         let points_per_support_node = self.points_per_support_node.max(SHARING);
         Self { growth: GROWTH, support_factor: SUPPORT, path_rings: RINGS, points_per_support_node, ..self.clone() }
     }
 
-    /// The same in another dimension, with the scene's supports and volume ratio there.
+    /// The same in another dimension, with the scene's supports and volume ratio for it.
     #[must_use]
     pub fn in_dimension(&self, scene: &Scene, dimension: Dimension) -> Self {
         let support_factor = scene.support_factor_in(dimension);
@@ -137,14 +139,15 @@ impl Case {
         Self { dimension: dimension.as_str().to_owned(), support_factor, volume_ratio, ..self.clone() }
     }
 
-    /// The same with all spacings times a factor. A needle's path is never coarser than the needle takes.
+    /// The same with all spacings multiplied by a factor. The spacing of a needle's path is limited to what the
+    /// needle needs.
     #[must_use]
     pub fn spaced(&self, scene: &Scene, factor: f64) -> Self {
         let edge = (factor * self.edge_spacing_m).min(self.coarsest_edge(scene));
         Self { spacing_m: rounded(factor * self.spacing_m), edge_spacing_m: rounded(edge), ..self.clone() }
     }
 
-    /// The same with the spacing at the edge or along the path alone times a factor.
+    /// The same with only the spacing at the edge or along the path multiplied by a factor.
     #[must_use]
     pub fn spaced_at_edge(&self, scene: &Scene, factor: f64) -> Self {
         let edge = factor * self.edge_spacing_m.min(self.coarsest_edge(scene));
@@ -160,7 +163,7 @@ impl Case {
         }
     }
 
-    /// The keys of a scene that make the case.
+    /// The scene keys that define the case.
     #[must_use]
     pub fn keys(&self) -> Vec<(&'static str, String)> {
         let refinement = (self.edge_spacing_m / self.spacing_m).clamp(0.01, 1.0);
@@ -196,30 +199,30 @@ impl Case {
         keys
     }
 
-    /// The scene with the case's keys, and no correction.
+    /// The scene with the case's keys, without a correction.
     ///
     /// # Errors
-    /// [`StudyError::Scene`] if the scene does not take them.
+    /// [`StudyError::Scene`] if the scene does not accept the keys.
     pub fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
         let keys: Vec<_> = self.keys().iter().map(|(path, value)| Override::text(path, value, "study")).collect();
-        // which is of the scene's own cloud
+        // a correction belongs to the scene's own cloud
         let plain = Scene { correction: None, ..scene.clone() };
         Ok(plain.with(&keys)?)
     }
 
-    /// Whether it is the model of a half plane.
+    /// Whether it is a half-plane model.
     #[must_use]
     pub fn is_half_plane(&self) -> bool {
         self.dimension == Dimension::Axisymmetric.as_str()
     }
 
-    /// Whether it is the model of one side of a plane of symmetry.
+    /// Whether it models one side of a plane of symmetry.
     #[must_use]
     pub fn is_half(&self) -> bool {
         self.dimension == Dimension::Mirrored.as_str()
     }
 
-    /// The method with its cure of locking, or that it is corrected, in a few words: `mmls`, `tet4, no cure`.
+    /// Short name of the method with its treatment of locking, or the correction: `mmls`, `tet4, no cure`.
     #[must_use]
     pub fn method_name(&self) -> String {
         match self.volume_ratio.as_str() {
@@ -230,13 +233,13 @@ impl Case {
         }
     }
 
-    /// Whether its cells are hexahedra, which half planes and linear tetrahedra have none of.
+    /// Whether its cells are hexahedra. Half planes and linear tetrahedra have none.
     #[must_use]
     pub fn has_hexahedra(&self) -> bool {
         self.points_per_hexahedron > 0 && !self.is_half_plane() && self.method != Method::Tet4.as_str()
     }
 
-    /// Cells that share an integration point.
+    /// Number of cells per integration point.
     #[must_use]
     pub fn joined(&self) -> u32 {
         let meshless = !self.has_hexahedra() && self.method != Method::Tet4.as_str();
@@ -244,13 +247,13 @@ impl Case {
         if follows { self.cells_per_point } else { 1 }
     }
 
-    /// Fewest of eight points that a node of their supports has; linear tetrahedra have no supports.
+    /// Least number, of eight neighbouring points, that must share a support node; 1 for linear tetrahedra, which have no supports.
     #[must_use]
     pub fn sharing(&self) -> u32 {
         if self.method == Method::Tet4.as_str() { 1 } else { self.points_per_support_node }
     }
 
-    /// Integration points in words: `1 point per cell`, `1 point per 2 cells`.
+    /// Description of the integration points: `1 point per cell`, `1 point per 2 cells`.
     #[must_use]
     pub fn integration(&self) -> String {
         if self.has_hexahedra() {
@@ -264,7 +267,7 @@ impl Case {
         }
     }
 
-    /// Everything that makes the case, in one line.
+    /// All settings of the case in one line.
     #[must_use]
     pub fn name(&self) -> String {
         format!(
@@ -285,13 +288,13 @@ impl Case {
     }
 }
 
-/// A length in mm to four digits, without trailing zeros.
+/// A length in mm with four digits, without trailing zeros.
 pub(super) fn millimetres(length_m: f64) -> String {
     rounded(1e3 * length_m).to_string()
 }
 
-/// A positive number to [`DIGITS`] digits.
+/// A positive number rounded to [`DIGITS`] digits.
 pub(super) fn rounded(x: f64) -> f64 {
-    // through text, so that 0.00275 is not 0.0027500000000000003
+    // via text, so that 0.00275 is not 0.0027500000000000003
     format!("{x:.*e}", DIGITS as usize - 1).parse().unwrap_or(x)
 }

@@ -1,55 +1,57 @@
-//! Drives a scene for the study: nothing but poses in and forces out, on the processor clock of one thread.
+//! Runs a scene for the study: poses in, forces out. The processor time of one thread is measured.
 
 use super::super::clock::ThreadClock;
 use super::{Case, Steps, StudyError};
 use needle_core::scene::{Motion, Scene, Seconds};
 use needle_core::twin::{BuildError, Halt, StampedPose, Twin};
+use needle_estimate::compare::Cancel;
 
-/// A run shorter than this is repeated, and the least cost counts, s.
+/// A run shorter than this is repeated, and the smallest cost is used, s.
 const LONG_ENOUGH_S: f64 = 0.5;
-/// Most repeats.
+/// Largest number of repetitions.
 const REPEATS: u32 = 5;
-/// Poses between two depths where the tissue is waited for: near enough for the motion to be quasi-static.
+/// Poses between two depths for runs to equilibrium: enough for the motion to be quasi-static.
 const POSES_PER_DEPTH: u32 = 25;
-/// Poses that the instrument may rest at one depth.
+/// Largest number of poses during which the instrument rests at one depth.
 const LONGEST_REST: u32 = 400;
-/// Time between two poses where the tissue is waited for, s.
+/// Time between two poses in runs to equilibrium, s.
 const REST_PERIOD_S: f64 = 0.01;
 
-/// What came of one scene.
+/// Result of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Driven {
     pub nodes: usize,
     pub integration_points: usize,
-    /// Answered poses.
+    /// Number of answered poses.
     pub poses: u64,
-    /// Explicit steps.
+    /// Number of explicit steps.
     pub steps: u64,
     /// Simulated time, s.
     pub simulated_s: f64,
-    /// Processor time of stepping, the least of the repeats, s.
+    /// Processor time of stepping, the smallest of the repetitions, s.
     pub cost_s: f64,
     pub min_jacobian: f64,
     pub recoveries: u64,
-    /// (depth in m, force against the instrument's axis in N), those that are compared or between.
+    /// (depth in m, force against the instrument's axis in N), for the compared depths or poses between them.
     pub path: Vec<(f64, f64)>,
-    /// All of that force, frame `sample`, N.
+    /// The same forces as vectors, frame `sample`, N.
     pub vectors: Vec<[f64; 3]>,
-    /// Places of the targets at the end, m.
+    /// Positions of the targets at the end, m.
     pub targets: Vec<[f64; 3]>,
-    /// The same at each depth that is compared, or the next pose after it.
+    /// The same at each compared depth, or at the next pose after it.
     pub at_depths: Vec<Vec<[f64; 3]>>,
-    /// Why it ended before its depth, if it did.
+    /// Reason, if it ended before its depth.
     pub ended: Option<String>,
-    /// It was stopped from outside.
+    /// Whether it was cancelled.
     pub stopped: bool,
 }
 
-/// Builds a scene's twin on the present rayon pool and drives it to the last of some depths (m), as the case says.
+/// Builds a scene's twin on the present rayon pool and drives it to the last of the given depths (m) as the case
+/// specifies.
 ///
 /// # Errors
 /// [`StudyError::NoMotion`]. A twin that can't be built or diverges is a result, not an error.
-pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Driven, StudyError> {
+pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], cancel: &Cancel) -> Result<Driven, StudyError> {
     let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
     let mut twin = match Twin::new(scene) {
         Ok(twin) => twin,
@@ -63,7 +65,7 @@ pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], stop: &dyn Fn() 
     for _ in 0..REPEATS {
         twin.reset();
         let driven = Driven { min_jacobian: 1.0, ..Driven::default() };
-        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], stop };
+        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], cancel };
         let clock = ThreadClock::start();
         let end = match case.steps {
             Steps::Rest => run.rest_at_each(depths),
@@ -96,11 +98,11 @@ struct Run<'a> {
     driven: Driven,
     /// Force of the last pose, N.
     force_n: [f64; 3],
-    stop: &'a dyn Fn() -> bool,
+    cancel: &'a Cancel,
 }
 
 impl Run<'_> {
-    /// The scene's own motion, in, to the last depth.
+    /// The insertion of the scene's own motion, to the last depth.
     fn move_through(&mut self, motion: &Motion, depths: &[f64]) -> Result<(), End> {
         let deepest = depths.last().copied().unwrap_or(0.0);
         let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..*motion };
@@ -117,7 +119,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Goes from depth to depth and waits at each until the tissue is at rest.
+    /// Moves from depth to depth and waits at each until the tissue is at rest.
     fn rest_at_each(&mut self, depths: &[f64]) -> Result<(), End> {
         let mut from = 0.0;
         for &depth in depths {
@@ -142,7 +144,7 @@ impl Run<'_> {
         self.pose(REST_PERIOD_S * (self.driven.poses + 1) as f64, depth_m)
     }
 
-    /// Keeps the last force, against the instrument's axis and all of it.
+    /// Stores the last force, as component against the instrument's axis and as vector.
     fn note(&mut self, depth_m: f64) {
         let axis = self.twin.pose_at_depth(depth_m).axis;
         self.driven.path.push((depth_m, -(0..3).map(|k| self.force_n[k] * axis[k]).sum::<f64>()));
@@ -155,9 +157,9 @@ impl Run<'_> {
         self.driven.at_depths.push(targets);
     }
 
-    /// Answers one pose: the steps that it took.
+    /// Answers one pose; returns the number of its steps.
     fn pose(&mut self, time_s: f64, depth_m: f64) -> Result<u32, End> {
-        if (self.stop)() {
+        if self.cancel.is_cancelled() {
             return Err(End::Stopped);
         }
         let pose = self.twin.pose_at_depth(depth_m);

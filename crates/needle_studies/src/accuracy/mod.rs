@@ -1,9 +1,9 @@
-//! Accuracy against cost: one scene, many ways to discretise and step it, and for each the processor time that it takes
-//! and how far forces and displacements are from independent finite elements ([`Yardstick`]).
+//! Accuracy against cost for one scene with many discretisations and step counts. For each, it measures the processor
+//! time and the error of forces and displacements relative to independent finite elements ([`ReferenceSolution`]).
 //!
-//! A [`Case`] is one way, [`plan`] says which there are, [`Case::run`] gives the [`Row`] of one. Runs don't share
-//! anything, so any number of them go side by side, each on a thread of its own. Cost is the processor time of that
-//! thread, the least of up to five runs where they are short: what else the machine does adds little to it.
+//! A [`Case`] is one combination, [`plan`] lists them, and [`Case::run`] gives the [`Row`] of one. Runs share
+//! nothing, so any number of them can run in parallel, each on its own thread. Cost is the processor time of that
+//! thread. For short runs it is the smallest of up to five, which reduces the influence of other programs.
 
 mod case;
 mod drive;
@@ -25,15 +25,16 @@ pub use table::{Table, merge, read};
 pub(super) use drive::{Driven, drive};
 pub(super) use row::COMPARED_FROM;
 
-use super::yardstick::Yardstick;
+use super::reference_solution::ReferenceSolution;
 use needle_core::scene::{Scene, SceneError};
 use needle_core::twin::BuildError;
+use needle_estimate::compare::Cancel;
 
 /// Why a case can't be run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
-    /// There is no reference for the scene.
+    /// The scene has no reference solution.
     #[error(
         "there is no reference solution of {0}; the presets compression, indentation and needle_insertion have one"
     )]
@@ -41,13 +42,13 @@ pub enum StudyError {
     /// The scene reads its cloud from a file, so there is no spacing to change.
     #[error("scene {0} has no discretisation.spacing_m to change: its cloud comes from a mesh file")]
     NoCloud(String),
-    /// The scene doesn't move.
+    /// The scene has no motion.
     #[error("scene {0} has no [motion] of its own (motion.depth_m, motion.speed_m_per_s, motion.pose_hz)")]
     NoMotion(String),
     /// The scene's own fine model gives no forces to compare with.
     #[error("the own model of scene {0} on a fine cloud did not come through, so there is nothing to compare with")]
     NoYardstick(String),
-    /// The scene's own fine model was lost on the way.
+    /// The run of the scene's own fine model ended early.
     #[error("scene {scene}: its own model on a fine cloud ended {why}, so there is nothing to compare with")]
     Lost {
         /// The scene.
@@ -69,51 +70,51 @@ pub enum StudyError {
         /// What is wrong and what to do.
         reason: String,
     },
-    /// No discretisation meets what is asked.
+    /// No discretisation meets the requirements.
     #[error("{0}")]
     Untuned(String),
 }
 
 impl Case {
-    /// Runs the case on the present rayon pool, against a yardstick; one that is corrected needs `study::correction::row`.
-    /// `None` if it was stopped on the way.
+    /// Runs the case on the present rayon pool and compares it with a reference solution. A corrected case needs
+    /// `study::correction::row`. `None` if it was cancelled.
     ///
     /// # Errors
-    /// [`StudyError`] if the scene doesn't take the case. A model that can't be built or diverges is a result, not an
-    /// error.
+    /// [`StudyError`] if the scene does not accept the case. A model that can't be built or diverges is a result, not
+    /// an error.
     pub fn run(
         &self,
         scene: &Scene,
-        yardstick: &Yardstick,
-        stop: &dyn Fn() -> bool,
+        reference_solution: &ReferenceSolution,
+        cancel: &Cancel,
     ) -> Result<Option<Row>, StudyError> {
-        self.row_of(&yardstick.watched(&self.scene(scene)?), yardstick, stop)
+        self.row_of(&reference_solution.watched(&self.scene(scene)?), reference_solution, cancel)
     }
 
-    /// The row of a scene that has the case's keys already.
+    /// The row of a scene that already has the case's keys.
     ///
     /// # Errors
     /// As [`Case::run`].
     pub(super) fn row_of(
         &self,
         scene: &Scene,
-        yardstick: &Yardstick,
-        stop: &dyn Fn() -> bool,
+        reference_solution: &ReferenceSolution,
+        cancel: &Cancel,
     ) -> Result<Option<Row>, StudyError> {
-        let depths: Vec<f64> = yardstick.force.iter().map(|p| p.0).collect();
-        let driven = drive(scene, self, &depths, stop)?;
-        Ok((!driven.stopped).then(|| self.row(scene, yardstick, driven)))
+        let depths: Vec<f64> = reference_solution.force.iter().map(|p| p.0).collect();
+        let driven = drive(scene, self, &depths, cancel)?;
+        Ok((!driven.stopped).then(|| self.row(scene, reference_solution, driven)))
     }
 
-    /// The row of what came of a scene.
-    pub(super) fn row(&self, scene: &Scene, yardstick: &Yardstick, driven: Driven) -> Row {
-        let compared = yardstick.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
+    /// The row for the result of a run.
+    pub(super) fn row(&self, scene: &Scene, reference_solution: &ReferenceSolution, driven: Driven) -> Row {
+        let compared = reference_solution.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
         Row {
             scene: scene.name.clone(),
             case: self.clone(),
-            force_error: yardstick.force_errors(&driven.path, &driven.vectors),
-            displacement_error: yardstick.displacement_error(&driven.targets).filter(|_| compared),
-            way_error: yardstick.way_error(&driven.at_depths).filter(|_| compared),
+            force_error: reference_solution.force_errors(&driven.path, &driven.vectors),
+            displacement_error: reference_solution.displacement_error(&driven.targets).filter(|_| compared),
+            way_error: reference_solution.way_error(&driven.at_depths).filter(|_| compared),
             nodes: driven.nodes,
             integration_points: driven.integration_points,
             simulated_s: driven.simulated_s,
@@ -132,18 +133,20 @@ impl Case {
 mod tests {
     use super::*;
 
-    fn coarse() -> (Scene, Yardstick, Case) {
+    fn coarse() -> (Scene, ReferenceSolution, Case) {
         let scene = Scene::preset("compression").unwrap();
-        let yardstick = Yardstick { displaced: Vec::new(), ..Yardstick::of(&scene, 0.001).unwrap() };
+        let reference_solution =
+            ReferenceSolution { displaced: Vec::new(), ..ReferenceSolution::of(&scene, 0.001).unwrap() };
         let case = Case { pose_hz: 100.0, ..Case::of(&scene).unwrap().spaced(&scene, 2.0) };
-        (scene, yardstick, case)
+        (scene, reference_solution, case)
     }
 
     #[test]
     fn at_rest_no_inertia_is_left() {
-        let (scene, yardstick, case) = coarse();
+        let (scene, reference_solution, case) = coarse();
         let error = |steps| {
-            let row = Case { steps, ..case.clone() }.run(&scene, &yardstick, &|| false).unwrap().unwrap();
+            let row =
+                Case { steps, ..case.clone() }.run(&scene, &reference_solution, &Cancel::default()).unwrap().unwrap();
             assert_eq!((row.force_error.len(), row.displacement_error, row.ended), (4, None, None), "{steps}");
             row.force_error.iter().map(|p| p.1).collect::<Vec<_>>()
         };
@@ -155,10 +158,10 @@ mod tests {
 
     #[test]
     fn a_case_that_is_stopped_has_no_row() {
-        let (scene, yardstick, case) = coarse();
-        let left = std::cell::Cell::new(20);
-        let stop = || left.replace(left.get() - 1) == 0;
-        assert_eq!(case.run(&scene, &yardstick, &stop).unwrap(), None);
-        assert_eq!(left.get(), -1, "asked before every pose");
+        let (scene, reference_solution, case) = coarse();
+        let cancel = Cancel::default();
+        assert!(case.run(&scene, &reference_solution, &cancel).unwrap().is_some());
+        cancel.cancel();
+        assert_eq!(case.run(&scene, &reference_solution, &cancel).unwrap(), None);
     }
 }

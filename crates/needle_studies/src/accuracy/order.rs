@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::{Case, Row, Steps};
 
-/// Observed order q of an error in the mean distance of nodes h = (V / nodes)^(1/3): the slope of the least-squares line
-/// through log(error) over log(h). `None` for fewer than two rows, or where an error is missing or zero.
+/// Observed order q of an error in the mean distance of nodes h = (V / nodes)^(1/3): the slope of the least-squares
+/// line through log(error) over log(h). `None` for fewer than two rows, or if an error is missing or zero.
 #[must_use]
 pub fn observed_order<'a>(rows: impl Iterator<Item = &'a Row>, error: impl Fn(&Row) -> Option<f64>) -> Option<f64> {
     let mut points = Vec::new();
@@ -23,7 +23,7 @@ pub fn observed_order<'a>(rows: impl Iterator<Item = &'a Row>, error: impl Fn(&R
     (square > 0.0).then(|| points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / square)
 }
 
-/// Name of what a row at rest refines: its case but for the spacing.
+/// Name of a convergence series: the case without its spacing.
 #[must_use]
 pub fn refined(case: &Case) -> String {
     if case.has_hexahedra() {
@@ -33,7 +33,7 @@ pub fn refined(case: &Case) -> String {
     format!("{}{points}", case.method_name())
 }
 
-/// Observed orders of the rows at rest, a line per scene and discretisation.
+/// Observed orders of the runs to equilibrium, a line per scene and discretisation.
 #[must_use]
 pub fn orders(rows: &[Row]) -> String {
     let mut out = String::new();

@@ -1,9 +1,9 @@
-//! The rows that no other row beats.
+//! The Pareto front of the rows.
 
 use super::Row;
 
-/// Indices of the rows that no other of the same rate of poses beats both in cost per pose and in largest force error,
-/// cheapest first. Rows without an error (ended early) are none.
+/// Indices of the Pareto-optimal rows in cost per pose and largest force error, among those with the same rate of
+/// poses, cheapest first. Rows without an error (ended early) are excluded.
 #[must_use]
 pub fn front(rows: &[&Row], pose_hz: f64) -> Vec<usize> {
     let mut order: Vec<(usize, f64, f64)> = rows

@@ -1,31 +1,32 @@
-//! Which cases a study runs: the product of method, dimension, spacing and steps per pose, and round a base of each
-//! dimension every other property, one at a time.
+//! The cases of a study: the product of method, dimension, spacing and steps per pose; and for a base case of each
+//! dimension, variations of every other property, one at a time.
 
 use super::{Case, Steps, StudyError};
 use needle_core::scene::Word as _;
 use needle_core::scene::{Dimension, Method, Scene};
 
-/// How much of the study is run. Every quick case is one of the full study, so a quick start is no waste.
+/// Extent of the study. Every quick case is also part of the full study, so a quick start saves time later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
     /// Coarse clouds and few steps: a minute per preset on two cores.
     Quick,
-    /// All of it: a quarter of an hour per preset on one core.
+    /// All cases: a quarter of an hour per preset on one core.
     Full,
-    /// Three clouds in space per method, at rest at each depth: what is left is the error of the discretisation.
+    /// Three clouds in three dimensions per method, at rest at each depth, so that only the discretisation error
+    /// remains.
     AtRest,
 }
 
-/// A stream of poses: how many per second, and steps of each.
+/// A stream of poses: poses per second, and steps per pose.
 type Pace = (f64, Steps);
 
-/// Where a pose has travelled ten times as far.
+/// A rate at which a pose covers ten times the distance.
 const SLOW: f64 = 100.0;
 const FAST: f64 = 1000.0;
-/// Paces of the product; the last only in the half plane.
+/// Paces of the product; the last one only in the half plane.
 const PACES: [Pace; 4] =
     [(SLOW, Steps::Fixed(1)), (SLOW, Steps::Fixed(4)), (FAST, Steps::Fixed(1)), (FAST, Steps::Fixed(4))];
-/// Paces that are tried one at a time; the last three only in the half plane.
+/// Paces that are varied one at a time; the last three only in the half plane.
 const MORE_PACES: [Pace; 5] = [
     (SLOW, Steps::Fixed(2)),
     (SLOW, Steps::Fixed(8)),
@@ -34,22 +35,22 @@ const MORE_PACES: [Pace; 5] = [
     (FAST, Steps::Fixed(2)),
 ];
 
-/// What one dimension's cases are made of.
+/// Settings for the cases of one dimension.
 struct Range {
     dimension: Dimension,
     /// Factors on the scene's spacing.
     spacings: &'static [f64],
-    /// Of these, those of the quick study.
+    /// Those of them in the quick study.
     quick: &'static [f64],
-    /// The factor round which the other properties are changed.
+    /// The factor of the base case, for which the other properties are varied.
     base: f64,
-    /// The pace at which they are.
+    /// The pace of the base case.
     base_pace: Pace,
     paces: usize,
     more_paces: usize,
-    /// Methods of which the other properties are changed.
+    /// Methods for which the other properties are varied.
     methods: &'static [&'static str],
-    /// Paces of the quick study.
+    /// Number of paces in the quick study.
     quick_paces: usize,
 }
 
@@ -79,19 +80,20 @@ const RANGES: [Range; 2] = [
     },
 ];
 
-/// Factors on the spacing at rest, coarse first; for a needle on that of its path, since half a capture radius is the
-/// coarsest that a needle takes and the force depends on little else.
+/// Factors on the spacing for runs to equilibrium, coarse first. For a needle they apply to its path: half a capture
+/// radius is the coarsest spacing for a needle, and the force depends on little else.
 const AT_REST: [f64; 3] = [1.6, 1.25, 1.0];
 const AT_REST_PATH: [f64; 3] = [1.0, 0.7, 0.5];
 
-/// Spacing over the scene's from which a cloud is one to be corrected.
+/// Smallest ratio of the spacing to the scene's for which a corrected cloud is studied.
 const COARSE: f64 = 1.2;
-/// Runs at rest that a correction is learnt and measured by, in such runs of the cloud itself: two of a finer cloud of three times its nodes, three of its own.
+/// Cost of the equilibrium runs from which a correction is learnt and evaluated, in runs of the cloud itself: two of
+/// a finer cloud with three times its nodes, and three of its own.
 const LEARNING: f64 = 9.0;
-/// Steps at each depth where the tissue is waited for, over those of a pose: several hundred.
+/// Steps at each depth of a run to equilibrium, over those of a pose: several hundred.
 const WAITING: f64 = 40.0;
 
-/// The cases of a scene, cheapest first, each once.
+/// The cases of a scene, cheapest first, without duplicates.
 ///
 /// # Errors
 /// [`StudyError`] if the scene has no cloud of its own or no motion.
@@ -113,7 +115,7 @@ pub fn plan(scene: &Scene, extent: Extent) -> Result<Vec<Case>, StudyError> {
     Ok(cases)
 }
 
-/// Cases with a name of their own, which a reader looks for first: the scene as it is, the same in three dimensions, and
+/// Cases with names, which readers look for first: the scene as it is, the same in three dimensions, and
 /// [`source_paper`].
 ///
 /// # Errors
@@ -128,8 +130,8 @@ pub fn named(scene: &Scene) -> Result<Vec<(Case, &'static str)>, StudyError> {
     ])
 }
 
-/// The source paper's own setting on the scene's cloud: modified moving least squares in three dimensions, one point per
-/// tetrahedron, no cure of volumetric locking, an explicit step per pose.
+/// The source paper's own settings on the scene's cloud: modified moving least squares in three dimensions, one point
+/// per tetrahedron, no treatment of volumetric locking, one explicit step per pose.
 ///
 /// # Errors
 /// As [`plan`].
@@ -178,12 +180,12 @@ fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
     cases
 }
 
-/// Support, points per cell, cells per point, precision and cure of locking, one at a time.
+/// Variations of support, points per cell, cells per point, precision and treatment of locking, one at a time.
 fn one_at_a_time(base: &Case, methods: &[&str]) -> Vec<Case> {
     let mut cases = Vec::new();
     for method in methods {
         let base = Case { method: (*method).to_owned(), ..base.clone() };
-        // a linear finite element has no support, and one strain
+        // a linear finite element has no support and a constant strain
         if base.method != Method::Tet4.as_str() {
             cases.extend([1.4, 1.6, 2.2].map(|support_factor| Case { support_factor, ..base.clone() }));
             cases.push(Case { points_per_cell: 4, ..base.clone() });
@@ -202,7 +204,7 @@ fn at(case: &Case, (pose_hz, steps): Pace) -> Case {
     Case { pose_hz, steps, ..case.clone() }
 }
 
-/// Three methods, three cures of locking and more points, on three clouds in space.
+/// Three methods, three treatments of locking and more points, on three clouds in three dimensions.
 fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
     let needle = matches!(scene.instrument.map(|i| i.kind), Some(needle_core::scene::InstrumentKind::Needle(_)));
     let base = at(own, (SLOW, Steps::Rest)).in_dimension(scene, Dimension::Full);
@@ -218,14 +220,16 @@ fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
     cases
 }
 
-/// The same with hexahedra of eight points and of one, where the scene takes them. A cloud without room for one is a row that says so.
+/// The same with hexahedra of eight points and of one, if the scene accepts them. If a cloud has no room for one, its
+/// row reports that.
 fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
     let of = |points_per_hexahedron| Case { points_per_hexahedron, ..case.clone() };
     [8, 1].map(of).into_iter().filter(|case| case.scene(scene).is_ok()).collect()
 }
 
-/// Models that leave something out, on the cloud of a case: one side of its plane of symmetry; that with coarse surroundings, with and without
-/// support nodes that few points share; and coarse clouds, corrected by what a finer one has at rest.
+/// Reduced models on the cloud of a case: one side of its plane of symmetry; the same with coarse surroundings, with
+/// and without support nodes that few points share; and coarse clouds with a correction from the equilibrium of a
+/// finer one.
 fn reduced(scene: &Scene, case: &Case, extent: Extent) -> Vec<Case> {
     let coarse = case.spacing_m > COARSE * scene.discretisation.grading.map_or(0.0, |grading| grading.spacing.get());
     let corrected = |case: &Case| Case { corrected: true, ..at(case, PACES[2]) };
@@ -245,7 +249,7 @@ fn reduced(scene: &Scene, case: &Case, extent: Extent) -> Vec<Case> {
     cases
 }
 
-/// What a case costs, roughly: points that the support reaches, times steps. Only ratios mean anything.
+/// Approximate cost of a case: number of points within the supports, times steps. Only ratios are meaningful.
 #[must_use]
 pub fn work(scene: &Scene, case: &Case) -> f64 {
     let Ok(scene) = case.scene(scene) else { return 0.0 };

@@ -1,4 +1,4 @@
-//! A row as `accuracy.csv` has it: flat, one field a column.
+//! A row of `accuracy.csv`: flat, one field per column.
 
 use std::fmt::Write as _;
 
@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::{Case, Row};
 use crate::csv;
 
-/// The columns of `accuracy.csv`, in their order. Errors are relative; costs are processor time of one thread. What can be
-/// computed from the rest is written for those who plot and not read back.
+/// The columns of `accuracy.csv`, in order. Errors are relative; costs are processor time of one thread. Derived
+/// columns are written for plots and are not read back.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Record {
     scene: String,
@@ -59,7 +59,7 @@ struct Record {
     force_error_by_depth: String,
 }
 
-/// What a table that does not say it was made with.
+/// The default for a table without this column.
 const fn all_nodes() -> u32 {
     1
 }
@@ -108,7 +108,7 @@ impl From<&Row> for Record {
 }
 
 impl Record {
-    /// The row; `None` where a text stands for none of its values.
+    /// The row; `None` if a text is not a valid value.
     fn row(self) -> Option<Row> {
         let pair = |text: &str| -> Option<(f64, f64)> {
             let (depth, error) = text.split_once(':')?;
@@ -153,7 +153,7 @@ impl Record {
 fn by_depth(errors: &[(f64, f64)]) -> String {
     let mut text = String::new();
     for (depth, error) in errors.iter().filter(|(_, error)| error.is_finite()) {
-        let _ = write!(text, "{}{depth}:{error}", if text.is_empty() { "" } else { " " }); // a String takes all
+        let _ = write!(text, "{}{depth}:{error}", if text.is_empty() { "" } else { " " }); // writing to a String can't fail
     }
     text
 }
@@ -170,12 +170,12 @@ pub(super) fn heading() -> String {
     text.split_inclusive('\n').next().unwrap_or_default().to_owned()
 }
 
-/// A row as a line of `accuracy.csv`, with its end.
+/// A row as a line of `accuracy.csv`, including the line end.
 pub(super) fn line(row: &Row) -> String {
     csv::line(Record::from(row))
 }
 
-/// The rows of the lines after the heading, each `None` if it is none.
+/// The rows of the lines after the heading; `None` for an invalid line.
 pub(super) fn rows(table: &str) -> impl Iterator<Item = Option<Row>> + use<'_> {
     csv::read::<Record>(table).map(|record| record.ok()?.row())
 }
@@ -201,7 +201,7 @@ mod tests {
     fn a_line_that_was_cut_is_no_row_before_its_last_field() {
         let (heading, line) = (heading(), line(&row(117, 0.0123456789)));
         let cut = |n: usize| rows(&format!("{heading}{}", &line[..n])).next().flatten();
-        // a line cut within its last field may still look whole: that is why lines without an end don't count
+        // a line cut within its last field may still look complete: therefore lines without a line end don't count
         assert!((1..line.len()).all(|n| cut(n).is_none() || n > line.rfind(',').unwrap()));
     }
 

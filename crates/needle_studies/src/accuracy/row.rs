@@ -1,11 +1,11 @@
-//! What one case gave, and the table of all of them.
+//! The result of one case, and the table of all results.
 
 use super::Case;
 
-/// Share of the path before which the force is too small to be compared.
+/// Share of the path before which the force is too small for a comparison.
 pub(crate) const COMPARED_FROM: f64 = 0.2;
 
-/// What one case gave.
+/// The result of one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Name of the scene.
@@ -18,27 +18,29 @@ pub struct Row {
     pub integration_points: usize,
     /// Simulated time, s.
     pub simulated_s: f64,
-    /// Answered poses.
+    /// Number of answered poses.
     pub poses: u64,
-    /// Explicit steps.
+    /// Number of explicit steps.
     pub steps: u64,
     /// Processor time of stepping on one thread, s.
     pub cost_s: f64,
     /// (depth in m, predicted over reference force - 1).
     pub force_error: Vec<(f64, f64)>,
-    /// Largest distance between predicted and reference place of a point in the tissue at the last depth, over it.
+    /// Largest distance between predicted and reference position of a point in the tissue at the last depth, over
+    /// that depth.
     pub displacement_error: Option<f64>,
-    /// The same on the way, of a point's greatest motion, where the yardstick knows it ([`super::super::yardstick::Yardstick::way_error`]).
+    /// The same during the motion, over the point's largest displacement, if the reference solution contains it
+    /// ([`super::super::reference_solution::ReferenceSolution::way_error`]).
     pub way_error: Option<f64>,
-    /// Smallest volume ratio on the way.
+    /// Smallest volume ratio during the run.
     pub min_jacobian: f64,
-    /// Times that the twin went back to the last good state.
+    /// Number of times that the twin returned to the last good state.
     pub recoveries: u64,
-    /// Why the run ended before its depth, if it did.
+    /// Reason, if the run ended before its depth.
     pub ended: Option<String>,
 }
 
-/// Errors (depth, error) from a fifth of the path on: before that the force is too small to be compared.
+/// Errors (depth, error) from a fifth of the path on: before that the force is too small for a comparison.
 fn compared(errors: &[(f64, f64)]) -> impl Iterator<Item = f64> {
     let from = COMPARED_FROM * errors.last().map_or(0.0, |p| p.0) * (1.0 - 1e-9);
     errors.iter().filter(move |(depth, _)| *depth >= from).map(|p| p.1)
@@ -51,7 +53,7 @@ pub fn largest_error(errors: &[(f64, f64)]) -> Option<f64> {
 }
 
 impl Row {
-    /// Whether this is the row of a case of a scene.
+    /// Whether this is the row of a scene and a case.
     #[must_use]
     pub fn is_of(&self, scene: &str, case: &Case) -> bool {
         self.scene == scene && &self.case == case
@@ -63,7 +65,7 @@ impl Row {
         largest_error(&self.force_error).filter(|_| self.ended.is_none())
     }
 
-    /// Root mean square of the same.
+    /// Root mean square relative error of the force over the path.
     #[must_use]
     pub fn rms_force_error(&self) -> Option<f64> {
         let compared = || compared(&self.force_error);
@@ -90,7 +92,7 @@ impl Row {
         1.0 / self.cost_per_simulated_s()
     }
 
-    /// A line of the table for people.
+    /// A line of the printed table.
     #[must_use]
     pub fn line(&self) -> String {
         let c = &self.case;

@@ -1,4 +1,4 @@
-//! `accuracy.csv` on disk: rows are appended as they finish, a study goes on where it was, and parts are joined.
+//! `accuracy.csv` on disk. Rows are appended as they finish, an interrupted study continues, and parts can be merged.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
@@ -7,24 +7,24 @@ use std::path::{Path, PathBuf};
 use super::record;
 use super::{Case, Row, StudyError};
 
-/// A table that rows are appended to.
+/// A table to which rows are appended.
 #[derive(Debug)]
 pub struct Table {
     file: File,
     path: PathBuf,
-    /// Rows that were there and those that have come.
+    /// Existing and new rows.
     pub rows: Vec<Row>,
 }
 
 impl Table {
-    /// Opens a table, or begins one. What an interrupted run left of its last line is taken away.
+    /// Opens a table, or creates one. An incomplete last line of an interrupted run is removed.
     ///
     /// # Errors
-    /// [`StudyError::Table`] if the file can't be read or written, or is no such table.
+    /// [`StudyError::Table`] if the file can't be read or written, or is not such a table.
     pub fn open(path: &Path) -> Result<Self, StudyError> {
         let rows = if path.exists() { read(path)? } else { Vec::new() };
         let text = super::csv(&rows);
-        // whole lines only, and under its name only when it is complete
+        // write complete lines only, and rename the file when it is complete
         let partial = path.with_extension("csv.partial");
         let write = || -> std::io::Result<File> {
             let mut file = File::create(&partial)?;
@@ -37,7 +37,7 @@ impl Table {
         Ok(Self { file, path: path.to_owned(), rows })
     }
 
-    /// Whether the row of a case is there.
+    /// Whether the row of a case exists.
     #[must_use]
     pub fn has(&self, scene: &str, case: &Case) -> bool {
         self.rows.iter().any(|row| row.is_of(scene, case))
@@ -61,10 +61,10 @@ fn unwritable(path: &Path, error: &std::io::Error) -> StudyError {
     StudyError::Table { path: path.to_owned(), reason }
 }
 
-/// The rows of a table. A last line without an end, as an interrupted run may leave it, is left out.
+/// The rows of a table. A last line without a line end, which an interrupted run may leave, is ignored.
 ///
 /// # Errors
-/// [`StudyError::Table`] if it can't be read, or a line that has an end is no row: nothing is lost silently.
+/// [`StudyError::Table`] if it can't be read, or if a complete line is not a valid row: nothing is lost silently.
 pub fn read(path: &Path) -> Result<Vec<Row>, StudyError> {
     let refuse = |reason: String| StudyError::Table { path: path.to_owned(), reason };
     let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("can't be read ({e})")))?;
@@ -79,8 +79,8 @@ pub fn read(path: &Path) -> Result<Vec<Row>, StudyError> {
     record::rows(whole).enumerate().map(row).collect()
 }
 
-/// Joins parts: every row once. Where a case was run more than once, the cheapest run counts, as within a run; the
-/// second value says how many were left out for that.
+/// Merges parts without duplicate rows. If a case was run more than once, the cheapest run is kept, as within a run.
+/// The second value is the number of rows left out for that reason.
 #[must_use]
 pub fn merge(parts: impl IntoIterator<Item = Row>) -> (Vec<Row>, usize) {
     let mut rows: Vec<Row> = Vec::new();

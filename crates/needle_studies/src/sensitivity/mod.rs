@@ -1,7 +1,9 @@
-//! Which uncertain key makes a prediction uncertain: Sobol's indices of peak force and of each target's displacement.
+//! Sensitivity of a prediction to the uncertain keys: Sobol's indices of peak force and of each target's
+//! displacement.
 //!
-//! The runs are those of an ensemble at the points of a design (`sobol`); members that share their mechanics share a run. What a run says is
-//! kept where a folder is given, so that parts of a study may run on any machines, and a study that was interrupted goes on.
+//! The runs are those of an ensemble at the points of a design (`sobol`); members with the same mechanics share a
+//! run. If a folder is given, the results are stored there. So parts of a study can run on different machines, and an
+//! interrupted study continues.
 
 pub mod sobol;
 
@@ -11,21 +13,21 @@ use std::path::Path;
 use serde::Serialize;
 
 use needle_core::scene::Scene;
+use needle_estimate::cache::Cache;
 use needle_estimate::compare::ensemble::{Crew, EnsembleError, Member, MemberPath, distinct, paths};
-use needle_estimate::kept::Kept;
 use needle_recording::Reading;
 use sobol::{Indices, design, indices};
 
-/// What a study found.
+/// Result of a study.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
     /// Name of the scene.
     pub scene: String,
-    /// Base points of the design: each takes as many members as there are keys, and two more.
+    /// Number of base points of the design. Each takes as many members as there are keys, plus two.
     pub points: usize,
-    /// Base points that had a member without an end: left out.
+    /// Number of base points that were left out because a member's run did not complete.
     pub left_out: usize,
-    /// Runs of a twin.
+    /// Number of runs of a twin.
     pub runs: usize,
     /// Seed of the points.
     pub seed: u64,
@@ -33,7 +35,7 @@ pub struct Sensitivity {
     pub outputs: Vec<Output>,
 }
 
-/// Sensitivity of one number that is predicted.
+/// Sensitivity of one predicted number.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Output {
     /// `peak_force_n`, or `displacement_m.TARGET`.
@@ -51,11 +53,11 @@ pub struct Output {
 pub struct KeyIndices {
     /// Dotted path.
     pub key: String,
-    /// Share of the variance that knowing the key alone would take away.
+    /// First-order index: share of the variance that knowledge of the key alone would remove.
     pub first: f64,
-    /// Its standard error by resampling the points.
+    /// Its standard error, from resampling the points.
     pub first_standard_error: f64,
-    /// Share of the variance that is left while all other keys are known.
+    /// Total index: share of the variance that remains if all other keys are known.
     pub total: f64,
     /// Its standard error.
     pub total_standard_error: f64,
@@ -64,7 +66,7 @@ pub struct KeyIndices {
 /// Members at the points of a design.
 ///
 /// # Errors
-/// [`EnsembleError`] if nothing is uncertain, keys depend on each other, or a draw is no value of its key.
+/// [`EnsembleError`] if no key is uncertain, keys are correlated, or a draw is not a valid value of its key.
 pub fn members(scene: &Scene, points: usize, seed: u64) -> Result<Vec<Member>, EnsembleError> {
     let keys = scene.uncertainty.len();
     needle_estimate::compare::ensemble::check(scene, points, 2 * keys)?;
@@ -75,12 +77,12 @@ pub fn members(scene: &Scene, points: usize, seed: u64) -> Result<Vec<Member>, E
     design(keys, points, seed).into_iter().enumerate().map(row).collect()
 }
 
-/// What a member says: peak force, N, then each target's displacement, m; nothing where it came to no end.
+/// Results of a member: peak force, N, then each target's displacement, m; empty if its run did not complete.
 pub type Figures = Vec<f64>;
 
-/// Folder of the kept figures.
+/// Folder of the stored results.
 const FOLDER: &str = "members";
-/// Runs on each thread between two times that figures are kept.
+/// Runs per thread between two times of storing.
 const AT_ONCE: usize = 2;
 
 /// The runs of a study.
@@ -89,32 +91,32 @@ pub struct Runs<'a> {
     scene: &'a Scene,
     members: &'a [Member],
     readings: &'a [Reading],
-    /// The run of each member.
+    /// Index of each member's run.
     run_of: Vec<usize>,
-    /// Figures of each member, where they are known.
+    /// Results of each member, if they are known.
     figures: Vec<Option<Figures>>,
-    /// Where figures are kept, and what those of each member depend on.
-    kept: Option<(Kept, Vec<String>)>,
+    /// Store of the results, and the text that identifies each member's.
+    kept: Option<(Cache, Vec<String>)>,
 }
 
 impl<'a> Runs<'a> {
-    /// Of the [`members`] of a scene over readings; what is kept below `folder` is known.
+    /// The runs of [`members`] of a scene over readings. Results that are stored below `folder` are read.
     #[must_use]
     pub fn new(scene: &'a Scene, members: &'a [Member], readings: &'a [Reading], folder: Option<&Path>) -> Self {
         let run_of = distinct(members).1;
-        let kept = folder.map(|folder| (Kept::below(folder, FOLDER), names(scene, members, readings)));
+        let kept = folder.map(|folder| (Cache::below(folder, FOLDER), names(scene, members, readings)));
         let known = |k: usize| kept.as_ref().and_then(|(kept, names)| kept.get(&names[k])?.pop());
         let figures = (0..members.len()).map(known).collect();
         Self { scene, members, readings, run_of, figures, kept }
     }
 
-    /// How many there are.
+    /// Number of runs.
     #[must_use]
     pub fn count(&self) -> usize {
         self.run_of.iter().max().map_or(0, |last| last + 1)
     }
 
-    /// Those of a part whose figures are not known: a run is of it if `has` says so of its number.
+    /// The runs without a result among those for which `has` is true; its argument is the index of the run.
     #[must_use]
     pub fn left(&self, has: impl Fn(usize) -> bool) -> Vec<usize> {
         let mut left: Vec<usize> =
@@ -125,34 +127,34 @@ impl<'a> Runs<'a> {
         left
     }
 
-    /// Makes runs, and keeps their figures a few at a time. After an interruption those that are done are kept.
+    /// Makes runs, and stores their results in batches. After an interruption the completed batches remain.
     ///
     /// # Errors
-    /// [`RunsError`] if no thread can be started, or figures can't be kept.
+    /// [`RunsError`] if no thread can be started, or results can't be stored.
     pub fn make(&mut self, runs: &[usize], crew: &Crew) -> Result<(), RunsError> {
-        let stopped = || crew.stop.as_ref().is_some_and(|flag| flag.load(std::sync::atomic::Ordering::Relaxed));
         for runs in runs.chunks(AT_ONCE * crew.threads.max(1)) {
             let mine: Vec<usize> = (0..self.members.len()).filter(|k| runs.contains(&self.run_of[*k])).collect();
             let members: Vec<Member> = mine.iter().map(|k| self.members[*k].clone()).collect();
             let found = paths(&members, self.readings, crew)?;
             for (k, path) in mine.into_iter().zip(found.of_member) {
-                if path.is_err() && stopped() {
+                if path.is_err() && crew.cancel.is_cancelled() {
                     continue;
                 }
                 let figures = path.as_ref().map_or_else(|_| Vec::new(), |path| figures(self.scene, path));
                 if let Some((kept, names)) = &self.kept {
-                    kept.put(&names[k], std::slice::from_ref(&figures)).map_err(RunsError::Kept)?;
+                    kept.put(&names[k], std::slice::from_ref(&figures)).map_err(RunsError::Cache)?;
                 }
                 self.figures[k] = Some(figures);
             }
-            if stopped() {
+            if crew.cancel.is_cancelled() {
                 return Ok(());
             }
         }
         Ok(())
     }
 
-    /// The indices, from the points and the seed of the members; a member without figures is left out with its point.
+    /// The indices for the number of points and the seed of the members. A point with an incomplete member is left
+    /// out.
     #[must_use]
     pub fn sensitivity(&self, [points, seed]: [u64; 2]) -> Sensitivity {
         let (keys, points) = (self.scene.uncertainty.len(), points as usize);
@@ -182,15 +184,15 @@ impl<'a> Runs<'a> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunsError {
-    /// Of the members.
+    /// An error of the members.
     #[error(transparent)]
     Ensemble(#[from] EnsembleError),
-    /// Figures can't be kept.
+    /// Results can't be stored.
     #[error("what a run has said can't be kept in the folder: {0}; free its disk, or give another --out")]
-    Kept(io::Error),
+    Cache(io::Error),
 }
 
-/// All that the figures of each member depend on: program, member, readings, targets.
+/// Everything that the results of each member depend on: program, member, readings, targets.
 fn names(scene: &Scene, members: &[Member], readings: &[Reading]) -> Vec<String> {
     let common = xxhash_rust::xxh3::xxh3_128(format!("{readings:?} {:?}", scene.targets).as_bytes());
     let name = |member: &Member| format!("{} {common:032x} {member:?}", needle_core::WRITER);

@@ -4,8 +4,9 @@
 //! S_i  = mean(f(B) (f(A_B^i) - f(A))) / V        first order, Saltelli et al., Comput. Phys. Commun. 181 (2010), table 2 (b)
 //! T_i  = mean((f(A) - f(A_B^i))^2) / (2 V)       total, Jansen, Comput. Phys. Commun. 117 (1999)
 //! ```
-//! A and B are halves of one low-discrepancy point of twice the dimension, A_B^i is A with coordinate i from B, and V is the variance over A and B;
-//! f is taken from its mean there, which changes no S_i and makes its scatter smaller.
+//! A and B are halves of one low-discrepancy point of twice the dimension, A_B^i is A with coordinate i from B, and V
+//! is the variance over A and B. The mean over A and B is subtracted from f. This changes no S_i and reduces its
+//! scatter.
 
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
@@ -13,30 +14,30 @@ use rand_chacha::rand_core::SeedableRng as _;
 
 use needle_estimate::compare::ensemble::points::coordinate;
 
-/// Resamplings for the standard errors.
+/// Number of resamplings for the standard errors.
 const RESAMPLED: usize = 200;
-/// Fewest points for which indices are taken.
+/// Fewest points for an estimate of the indices.
 const FEWEST: usize = 4;
 
 /// An estimate with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Of the index.
+    /// Value of the index.
     pub value: f64,
-    /// By resampling the points, which low-discrepancy points are better than.
+    /// Standard error from resampling the points; an upper bound, since low-discrepancy points are more accurate.
     pub error: f64,
 }
 
-/// What the values at a design say.
+/// Results for a design.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Indices {
     /// Mean over A and B.
     pub mean: f64,
     /// Variance over A and B.
     pub variance: f64,
-    /// First order, one for each input; 0 where nothing varies.
+    /// First-order indices, one for each input; 0 if nothing varies.
     pub first: Vec<Estimate>,
-    /// Total.
+    /// Total indices.
     pub total: Vec<Estimate>,
 }
 
@@ -55,7 +56,8 @@ pub fn design(keys: usize, points: usize, seed: u64) -> Vec<Vec<f64>> {
     rows(0).chain(rows(keys)).chain(mixed).collect()
 }
 
-/// Indices from the values at a design: `blocks` has those of A, of B, and of each A_B^i, equally many; `None` of fewer than four.
+/// Indices from the values at a design. `blocks` has those of A, of B, and of each A_B^i, in equal numbers; `None`
+/// for fewer than four.
 #[must_use]
 pub fn indices(blocks: &[Vec<f64>]) -> Option<Indices> {
     let points = blocks.first()?.len();
@@ -91,7 +93,7 @@ fn moments(blocks: &[Vec<f64>], rows: &[usize]) -> (f64, f64) {
     (mean, values().map(|f| (f - mean) * (f - mean)).sum::<f64>() / n)
 }
 
-/// First order and total index of an input by some rows.
+/// First-order and total index of an input from some rows.
 fn of_input(blocks: &[Vec<f64>], i: usize, rows: &[usize]) -> [f64; 2] {
     let (mean, variance) = moments(blocks, rows);
     if variance == 0.0 {
@@ -116,7 +118,7 @@ mod tests {
         values.chunks(points).map(<[f64]>::to_vec).collect()
     }
 
-    /// Ishigami and Homma's function with a = 7, b = 0.1: its indices are known.
+    /// Ishigami and Homma's function with a = 7, b = 0.1, whose indices are known.
     #[test]
     fn the_indices_of_ishigamis_function_are_met() {
         let f = |u: &[f64]| {
@@ -133,7 +135,7 @@ mod tests {
         for i in 0..3 {
             assert!((found.first[i].value - first[i]).abs() < 0.01, "{i}: {found:?}, {first:?}");
             assert!((found.total[i].value - total[i]).abs() < 0.01, "{i}: {found:?}, {total:?}");
-            // the errors are of the size that they claim, and no smaller
+            // the errors must be of the estimated size
             assert!((found.first[i].value - first[i]).abs() < 3.0 * found.first[i].error, "{i}: {found:?}");
             assert!(found.total[i].error < 0.03, "{i}: {found:?}");
         }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_core::scene::{Override, Scene};
+use needle_estimate::compare::Cancel;
 use needle_estimate::compare::ensemble::assimilate::{Assimilated, HORIZON_S, Observed, Tracked, assimilate};
 use needle_estimate::compare::ensemble::{self, Crew, Member, Size};
 use needle_recording::{At, ForceSeries, Reading};
@@ -128,7 +129,7 @@ fn shipped_bags_hold_the_truth_with_wide_priors() {
         let reading = |s: &DepthSample| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) };
         let readings: Vec<Reading> = recording.depths.iter().map(reading).collect();
         let members = ensemble::members(&scene, Size { members: MEMBERS, seed: 0 }).unwrap();
-        let crew = Crew { threads: 2, stop: None, done: &|| {} };
+        let crew = Crew { threads: 2, cancel: Cancel::default(), done: &|| {} };
         let paths = ensemble::paths(&members, &readings, &crew).unwrap();
         assert_eq!(paths.runs, 1, "{bag}: members that differ in modulus and zero share a run");
         let forces: Vec<&Vec<f64>> = paths.of_member.iter().map(|path| &path.as_ref().unwrap().force_n).collect();
@@ -176,7 +177,7 @@ fn tracked_points_tell_how_the_tissue_follows() {
     let sure = ("uncertainty.instrument.deformation_coefficient", "{uniform=[0.4299999, 0.4300001]}");
     let (_, truth, _) = needle(&[&common[..], &[sure]].concat(), 2);
     let times: Vec<f64> = (3..180).map(|i| f64::from(i) / 30.0 + 0.003).collect();
-    let crew = Crew { threads: 2, stop: None, done: &|| {} };
+    let crew = Crew { threads: 2, cancel: Cancel::default(), done: &|| {} };
     let of = |members: &[Member]| {
         let paths = ensemble::tracked_paths(members, &readings, &times, &crew).unwrap().of_member;
         paths.into_iter().map(|path| path.unwrap().tracked).collect::<Vec<_>>()
@@ -223,7 +224,7 @@ fn needle(changes: &[(&str, &str)], members: usize) -> (Scene, Vec<Member>, Vec<
 fn truth(changes: &[(&str, &str)]) -> Vec<f64> {
     let sure = ("uncertainty.align.force_zero_n", "{uniform=[-1e-12, 1e-12]}");
     let (_, members, readings) = needle(&[changes, &[sure]].concat(), 2);
-    let crew = Crew { threads: 1, stop: None, done: &|| {} };
+    let crew = Crew { threads: 1, cancel: Cancel::default(), done: &|| {} };
     ensemble::paths(&members, &readings, &crew).unwrap().of_member[0].as_ref().unwrap().force_n.clone()
 }
 
@@ -237,7 +238,7 @@ fn bands_over_seeds_and_samples() {
         ("uncertainty.align.force_zero_n", "{normal=[0, 0.003]}"),
     ];
     let (_, members, readings) = needle(&priors, MEMBERS);
-    let crew = Crew { threads: 2, stop: None, done: &|| {} };
+    let crew = Crew { threads: 2, cancel: Cancel::default(), done: &|| {} };
     let paths = ensemble::paths(&members, &readings, &crew).unwrap();
     let forces: Vec<&Vec<f64>> = paths.of_member.iter().map(|path| &path.as_ref().unwrap().force_n).collect();
     let values: Vec<Vec<f64>> = members.iter().map(|member| member.values.clone()).collect();
@@ -307,6 +308,6 @@ fn layered() -> Vec<f64> {
     let scene = scene.with(&[zero, depth, rate]).unwrap();
     let members = ensemble::members(&scene, Size { members: 2, seed: 0 }).unwrap();
     let (_, _, readings) = needle(&[], 0);
-    let crew = Crew { threads: 1, stop: None, done: &|| {} };
+    let crew = Crew { threads: 1, cancel: Cancel::default(), done: &|| {} };
     ensemble::paths(&members, &readings, &crew).unwrap().of_member[0].as_ref().unwrap().force_n.clone()
 }

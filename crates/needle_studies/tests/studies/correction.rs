@@ -2,6 +2,7 @@
 //! refused where it does not belong.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use needle_estimate::compare::Cancel;
 use std::sync::LazyLock;
 
 use needle_core::scene::{Override, Scene};
@@ -36,7 +37,7 @@ fn problem() -> Scene {
 }
 
 static LEARNT: LazyLock<Learnt> =
-    LazyLock::new(|| learn(&problem(), &with(&problem(), &COARSE), 0.003, &|| false).unwrap().unwrap());
+    LazyLock::new(|| learn(&problem(), &with(&problem(), &COARSE), 0.003, &Cancel::default()).unwrap().unwrap());
 
 /// Force and displacements of the targets at the last of some depths, waited for.
 fn at_rest(scene: &Scene, depths: &[f64]) -> Vec<[f64; 3]> {

@@ -4,7 +4,7 @@
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{StampedPose, Twin};
 use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_estimate::compare::Unwatched;
+use needle_estimate::compare::Cancel;
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_recording::{At, ForceSeries, Reading};
 use needle_studies::composites::Composite;
@@ -59,7 +59,7 @@ fn fitted(scene: &Scene, (readings, measured): &(Vec<Reading>, ForceSeries), key
         part: HoldOut::Nothing,
         table: None,
     };
-    let found = alone(|| calibrate(&task, &mut Unwatched, &mut |_| {})).unwrap();
+    let found = alone(|| calibrate(&task, &mut Cancel::default(), &mut |_| {})).unwrap();
     for e in &found.estimates {
         println!("{} = {:.5e}, {:?} {}", e.name, e.value, e.interval_95(), e.withheld.as_deref().unwrap_or(""));
     }

@@ -5,7 +5,7 @@
 
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::Twin;
-use needle_estimate::compare::Unwatched;
+use needle_estimate::compare::Cancel;
 use needle_studies::verification::Verification;
 use testkit::coarse::{self, alone, rest, travel};
 
@@ -29,7 +29,7 @@ fn within(case: &'static str, bound: f64) {
         .map(|row| row.split_once(',').map(|(depth, force)| [depth, force].map(|x| x.parse().unwrap())).unwrap())
         .collect();
     let deepest = rows.last().unwrap()[0];
-    let run = alone(|| Verification::run(case, &[], Some(deepest), &mut Unwatched).unwrap()).run;
+    let run = alone(|| Verification::run(case, &[], Some(deepest), &mut Cancel::default()).unwrap()).run;
     for [depth, wanted] in rows {
         let predicted = run.answers.iter().find(|a| a.depth_m >= depth * (1.0 - 1e-9)).unwrap().predicted_n;
         let error = predicted / wanted - 1.0;
@@ -72,7 +72,7 @@ fn the_order_of_materials_moves_no_force() {
 #[test]
 fn a_needle_through_layers_in_space_is_within_3_percent() {
     let full = Override::text("discretisation.dimension", "full", "test");
-    let found = alone(|| Verification::run("layered_needle", &[full], Some(0.004), &mut Unwatched).unwrap());
+    let found = alone(|| Verification::run("layered_needle", &[full], Some(0.004), &mut Cancel::default()).unwrap());
     assert_eq!(found.compared.len(), 2);
     for row in found.compared {
         println!("in space at {:.0} mm: {:+.2} %", 1e3 * row.depth_m, 1e2 * row.error());

@@ -5,13 +5,13 @@
 #![allow(clippy::unwrap_used)]
 
 use needle_core::scene::Override;
-use needle_estimate::compare::Unwatched;
+use needle_estimate::compare::Cancel;
 use needle_studies::verification::{self, Verification};
 use testkit::coarse;
 
 fn verify(preset: &'static str, depth_m: f64, changes: &[(&str, &str)]) -> Verification {
     let keys: Vec<Override> = changes.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
-    let done = coarse::alone(|| Verification::run(preset, &keys, Some(depth_m), &mut Unwatched).unwrap());
+    let done = coarse::alone(|| Verification::run(preset, &keys, Some(depth_m), &mut Cancel::default()).unwrap());
     println!("{}", verification::table(&done));
     done
 }

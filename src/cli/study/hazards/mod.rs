@@ -46,6 +46,10 @@ pub(super) struct Hazards {
     #[arg(long)]
     quick: bool,
 
+    /// The cells with this text in "input, fault" alone
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+
     /// Times that each cell is run; the worst counts
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     trials: u32,
@@ -496,7 +500,12 @@ impl Hazards {
     pub fn run(&self) -> Result<Outcome, CliError> {
         let folder = OutputFolder::prepare(&self.out)?;
         let _load = Load::start(self.load);
-        let all = hazards(self.quick);
+        let wanted = self.only.as_deref().unwrap_or_default();
+        let mut all = hazards(self.quick);
+        all.retain(|hazard| hazard.words().join(", ").contains(wanted));
+        if all.is_empty() {
+            return Err(CliError::Nodes(format!("--only {wanted}: no cell has this in its input and fault")));
+        }
         let bar = super::bar(all.len() as u64, "{pos}/{len} hazards");
         let progress = Progress::silent();
         let (mut rows, mut csv, mut hold) = (vec![HEADING.to_owned()], vec![COLUMNS.to_owned()], true);
@@ -514,7 +523,7 @@ impl Hazards {
             rows.push(seen.row(hazard));
             csv.push(seen.csv(hazard));
             bar.inc(1);
-            if progress.stop() {
+            if progress.cancel().is_cancelled() {
                 break;
             }
         }
@@ -524,6 +533,6 @@ impl Hazards {
             std::fs::write(&path, lines.join("\n") + "\n")
                 .map_err(|error| CliError::Nodes(format!("{}: {error}", path.display())))?;
         }
-        Ok(if hold && !progress.stop() { Outcome::Complete } else { Outcome::Lossy })
+        Ok(if hold && !progress.cancel().is_cancelled() { Outcome::Complete } else { Outcome::Lossy })
     }
 }

@@ -11,7 +11,7 @@ fn settings(band_n: f64) -> Settings {
     Settings { residual_band_n: band_n, ..Settings::of(&parameters) }
 }
 
-/// The two clocks at a time after the beginning.
+/// The two clocks at a time after the start.
 struct Clocks(Instant);
 
 impl Clocks {
@@ -20,7 +20,7 @@ impl Clocks {
         Now { steady: self.0 + Duration::from_millis(ms), node_nanos: Some(1_000_000_000_000 + nanos) }
     }
 
-    /// A message that came at a time, with a stamp that is off by so much.
+    /// A message received at a time, with an offset of its stamp.
     fn seen(&self, ms: u64, off_ms: i64) -> Seen {
         let Now { steady, node_nanos } = self.now(ms);
         Seen { received: steady, stamp_nanos: node_nanos.unwrap() + off_ms * 1_000_000 }
@@ -31,7 +31,7 @@ fn agreement(received: Instant, error_n: f64, error_nm: Option<f64>) -> Agreemen
     Agreement { pose_received: received, reading_received: received, error_n, error_nm, measured_n: 0.1 }
 }
 
-/// Judges every millisecond while `evidence` brings what comes; the times of each yes, ms.
+/// Judges every millisecond, with the messages from `evidence`; returns the times of each "safe", ms.
 fn yes(
     settings: &Settings,
     ms: std::ops::Range<u64>,
@@ -48,7 +48,7 @@ fn yes(
     .collect()
 }
 
-/// A pose and a reading each ms, right in every respect.
+/// A valid pose and reading per ms.
 fn well(ms: u64, assured: &mut Assured, clocks: &Clocks) {
     let seen = clocks.seen(ms, -1);
     assured.pose = Some((seen, 0.1, [0.0, 0.0, -1.0]));
@@ -56,7 +56,7 @@ fn well(ms: u64, assured: &mut Assured, clocks: &Clocks) {
     assured.agreement = Some(agreement(seen.received, 0.001, None));
 }
 
-/// The last yes after a fault that begins at 1 s, and how many came.
+/// The last "safe" after a fault that begins at 1 s, and their number.
 fn after_fault(band_n: f64, fault: impl Fn(u64, &mut Assured, &Clocks)) -> (u64, usize) {
     let settings = settings(band_n);
     let mut assured = Assured::new(0.01);
@@ -118,7 +118,8 @@ fn no_fault_of_the_evidence_leaves_a_yes_longer_than_the_timeout_and_none_comes_
 
 #[test]
 fn a_residual_that_passes_through_the_band_is_no_agreement() {
-    // from beyond the band through it in a quarter of a second, and to a rest within the band but beyond half of it
+    // from beyond the band through it in a quarter of a second, to a constant value within the band but beyond half
+    // of it
     let (last, count) = after_fault(0.02, |ms, assured, clocks| {
         well(ms, assured, clocks);
         let error_n = (0.05 - (ms - 1000) as f64 * 2e-4).max(-0.015).abs();
@@ -149,7 +150,7 @@ fn the_force_limit_is_of_the_predicted_and_of_the_measured_force() {
     assert_eq!(said.len(), 400);
 }
 
-/// What may happen in a millisecond.
+/// A possible event in a millisecond.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Pose { off_ms: i64 },
@@ -171,7 +172,7 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Mostly well, since random evidence alone is hardly ever.
+/// Mostly valid evidence, since purely random evidence is almost never valid.
 fn run() -> impl Strategy<Value = Vec<(u64, Option<Step>)>> {
     prop::collection::vec((1..200_u64, prop::option::weighted(0.7, step())), 1..60)
 }
@@ -179,8 +180,8 @@ fn run() -> impl Strategy<Value = Vec<(u64, Option<Step>)>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Whatever happens in whatever order: a yes has a pose and a reading that came, and are stamped, within the timeout, a comparison
-    /// within the band, and 100 ms of it behind it.
+    /// For any sequence of events: at each "safe" there are a pose and a reading that were received, and are stamped,
+    /// within the timeout. Their comparison is within the band, and these conditions have held for 100 ms.
     #[test]
     fn every_yes_has_fresh_evidence(steps in run()) {
         let (settings, clocks, mut assured) = (settings(0.02), Clocks(Instant::now()), Assured::new(0.0));

@@ -66,20 +66,20 @@ fn order_is_kept_and_a_jump_back_resets() {
     intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]), from(1));
     intake.joint_state(&joint(99, 900_000_000, &["insertion"], &[0.001]), from(1));
     assert_eq!(shared.lock().rejects[&Reject::OutOfOrder], 2);
-    // a straggler, and the stream goes on
+    // a late pose, and the stream continues
     intake.joint_state(&joint(40, 0, &["insertion"], &[0.0]), from(1));
     intake.joint_state(&joint(100, 10, &["insertion"], &[0.001]), from(1));
     let counts = |live: &crate::ros::twin_node::shared::Live| (live.received, live.rejects[&Reject::OutOfOrder]);
     assert_eq!(counts(&shared.lock()), (2, 3));
-    // two that agree are no new time, nor are many from many publishers
+    // two late poses are no restarted time, nor are many from different publishers
     intake.joint_state(&joint(49, 0, &["insertion"], &[0.0]), from(1));
     intake.joint_state(&joint(49, 1, &["insertion"], &[0.0]), from(1));
     intake.joint_state(&joint(100, 20, &["insertion"], &[0.001]), from(1));
     assert_eq!(counts(&shared.lock()), (3, 5));
-    // another publisher has to wait until this one is silent
+    // another publisher must wait until the followed one is silent
     intake.joint_state(&joint(100, 30, &["insertion"], &[0.009]), from(2));
     assert_eq!(shared.lock().rejects[&Reject::SecondSource], 1);
-    // time starts again
+    // time restarts
     for i in 0..7 {
         intake.joint_state(&joint(50, i, &["x", "insertion"], &[0.0, 0.002]), from(1));
         std::thread::sleep(Duration::from_millis(100));
@@ -89,7 +89,7 @@ fn order_is_kept_and_a_jump_back_resets() {
     assert!(matches!(inbox.next(1), Work::Pose(p) if p.place == Where::Depth(0.002)));
 }
 
-/// What the live node makes of a message: where the pose is, or the words of the refusal.
+/// The live node's result for a message: the position, or the text of the rejection.
 fn live(message: &Message) -> Result<Where, String> {
     let (shared, inbox) = (shared(), Inbox::default());
     let words = Words::default();
@@ -108,7 +108,7 @@ fn live(message: &Message) -> Result<Where, String> {
     Err(words.split_once(": measured_").unwrap().1.split_once(": ").unwrap().1.to_owned())
 }
 
-/// What a replay or a calibration makes of the same message, recorded.
+/// The result of a replay or a calibration for the same message, recorded.
 fn recorded(message: &Message) -> Result<Where, String> {
     let folder = tempfile::tempdir().unwrap();
     let mut bag = BagWriter::create(folder.path().join("bag"), WriterOptions::default()).unwrap();
@@ -136,7 +136,7 @@ enum Message {
     Pose(PoseStamped),
 }
 
-/// What is said, line by line.
+/// Collects log lines.
 #[derive(Clone, Default)]
 struct Words(std::sync::Arc<std::sync::Mutex<String>>);
 

@@ -1,4 +1,12 @@
 //! How the front goes on: cutting, membranes, regions.
+//!
+//! ```text
+//! membrane    breaks once F - T >= P    F: force along the needle, N; T: friction of its shaft, N; P: puncture force, N
+//! ```
+//!
+//! F - T is what the face of the tip passes on, and so what the membrane carries: whatever lies between the two passes it on. F is that at
+//! rest, without inertia, where a pose has come to it. The tip's own push also accelerates tissue, whose masses are not those of tissue.
+//! Judged by it a membrane broke at once where the front stopped at it, and wherever a cell beside the edge gave way: a tenth too early.
 
 use super::{Frictional, LAG, STICKING, TIP_STIFFNESS};
 use crate::instrument::Event;
@@ -23,20 +31,40 @@ const REST: f64 = 0.003;
 const STANDS: f64 = 1e-4;
 
 impl Frictional {
-    /// Takes over how far the tip has cut in the last advance, and what it has broken.
+    /// Takes over how far the tip has cut in the last advance, and enters the region behind a membrane that has broken.
     pub(super) fn advance_front(&mut self, solver: &mut Solver) -> Option<Event> {
-        let broken = solver.slip().broken;
         let cut = solver.cut();
         let springs = self.progress.released.is_some();
         self.progress.front = if springs { cut } else { self.progress.front.max(cut) };
-        let [depth_m, force] = broken?;
+        let force = self.progress.broken.take()?;
         let layer = self.next_boundary()?;
-        solver.mend();
         // the tissue goes another way now
         solver.forget_motion();
         self.progress.entered = Some(layer);
         self.progress.released = Some((force, 0));
-        Some(Event::Puncture { depth_m, region: self.shaft.under[layer].region })
+        Some(Event::Puncture { depth_m: self.progress.depth, region: self.shaft.under[layer].region })
+    }
+
+    /// Whether the membrane that the front is at breaks: force of the tissue on the needle as near to rest as it comes at this pose, and
+    /// friction of the whole shaft, N.
+    pub fn breaks(&mut self, force: &[f64; 3], friction: f64) -> bool {
+        let push = -(0..3).map(|k| force[k] * self.shaft.axis[k]).sum::<f64>() - friction;
+        let broken = self.membrane().is_some_and(|layer| self.is_at(layer) && push >= self.shaft.under[layer].puncture);
+        if broken && self.progress.released.is_none() {
+            self.progress.broken = Some(push);
+        }
+        self.progress.broken.is_some()
+    }
+
+    /// The layer of the next boundary, where a membrane closes it.
+    fn membrane(&self) -> Option<usize> {
+        self.next_boundary().filter(|&k| self.shaft.under[k].puncture > 0.0)
+    }
+
+    /// Whether the front has come to a layer.
+    fn is_at(&self, layer: usize) -> bool {
+        let z = &self.shaft.depths;
+        self.progress.front >= z[layer] - AT * (z[1] - z[0])
     }
 
     /// The layer where the next region begins.
@@ -51,9 +79,7 @@ impl Frictional {
     /// Enters a region that has no membrane once the front is there.
     pub(super) fn enter_without_membrane(&mut self, depth_m: f64) -> Option<Event> {
         let next = self.next_boundary()?;
-        let z = &self.shaft.depths;
-        let reached = self.progress.front >= z[next] - AT * (z[1] - z[0]);
-        if !reached || self.shaft.under[next].puncture > 0.0 {
+        if !self.is_at(next) || self.shaft.under[next].puncture > 0.0 {
             return None;
         }
         let first = self.progress.entered.is_none();
@@ -84,15 +110,11 @@ impl Frictional {
         let springs = self.progress.released.is_some();
         let inside = self.progress.entered.map(|k| self.shaft.under[k]);
         let limit = inside.map_or(f64::INFINITY, |r| r.cutting);
-        let membrane = self.next_boundary().filter(|&k| self.shaft.under[k].puncture > 0.0);
-        let (mut stop, mut puncture, mut beyond) = (f64::INFINITY, f64::INFINITY, limit);
-        if let Some(k) = membrane {
+        let (mut stop, mut beyond) = (f64::INFINITY, limit);
+        if let Some(k) = self.membrane() {
             stop = z[k];
-            let next = &self.shaft.under[k];
-            // only the front at the membrane breaks it
-            if self.progress.front >= z[k] - 0.1 * (z[1] - z[0]) {
-                puncture = next.puncture;
-                beyond = next.cutting;
+            if self.is_at(k) {
+                beyond = self.shaft.under[k].cutting;
             }
         }
         let radius = self.shaft.radius;
@@ -101,7 +123,7 @@ impl Frictional {
         let stiff = TIP_STIFFNESS * spring;
         let exponent = inside.map_or(0.0, |r| r.rate_exponent);
         let rate = Rate { exponent, slow: self.slow * self.progress.elapsed };
-        End { first, shares, spring, stiff, limit, stop, puncture, beyond, rate, lag: LAG * self.shaft.radius, springs }
+        End { first, shares, spring, stiff, limit, stop, rate, lag: LAG * self.shaft.radius, springs }
     }
 
     /// Whether the tissue springs back along the needle, with a residual force of so many N and so much kinetic over strain energy: then
@@ -113,7 +135,6 @@ impl Frictional {
             .released
             .filter(|(force, looks)| (residual >= REST * force || energies >= STANDS) && *looks < PATIENCE)
             .map(|(force, looks)| (force, looks + 1));
-        // what has broken is seen within the same pose
-        runs || solver.slip().broken.is_some() || self.progress.released.is_some()
+        runs || self.progress.released.is_some()
     }
 }

@@ -6,7 +6,7 @@
 //! ```text
 //! shaft   tissue sticks to it until it would carry more than the friction per length of its region, then slips
 //! tip     pushes until the cutting force of what lies ahead; then the front goes on. Never pulls.
-//! entry   the front stays at a membrane until the tip pushes with the puncture force of the region behind it
+//! entry   the front stays at a membrane until the tip, at rest, pushes with the puncture force of the region behind it
 //! ```
 //!
 //! How forces act on nodes is [`mtled::solver`]'s drag. Tissue behind the tip keeps its distance from the axis, as with the kinematic
@@ -78,6 +78,8 @@ cloned_field_by_field! {
         /// Time that the present move takes, s; infinite where it is not known.
         elapsed: f64,
         withdrawn: bool,
+        /// Push of the tip that breaks a membrane, N, until the next advance.
+        broken: Option<f64>,
         /// Force at a puncture from which the tissue springs back, N, and looks at that so far.
         released: Option<(f64, u32)>,
         /// Friction of the whole shaft where all of it slips, N.
@@ -124,6 +126,7 @@ impl Frictional {
             deepest: 0.0,
             elapsed: f64::INFINITY,
             withdrawn: false,
+            broken: None,
             released: None,
             friction: 0.0,
             slips: 0.0,
@@ -206,6 +209,15 @@ impl Frictional {
     pub fn rod(&self, model: Model) -> Model {
         let Shaft { nodes, rings, areas, axis, radius, .. } = &self.shaft;
         model.with_rod(*axis, nodes.clone(), rings, areas.clone(), FLATTENING * radius)
+    }
+
+    /// Whether the needle comes into a region at a depth of the material in m, or doesn't come so deep at all.
+    #[must_use]
+    pub fn meets(&self, depth: f64, region: u8) -> bool {
+        let Shaft { depths, under, .. } = &self.shaft;
+        let begins = |k: usize| under[k].region == region && (k == 0 || under[k - 1].region != region);
+        let near = |k: usize| (depths[k] - depth).abs() <= self.layer();
+        depths.last().is_some_and(|deepest| depth >= *deepest) || (0..depths.len()).any(|k| begins(k) && near(k))
     }
 
     /// Depth at which the needle is in place at first, m.
@@ -306,7 +318,8 @@ impl Frictional {
         (p.front, p.entered, p.tip, p.shoulder, p.deepest, p.withdrawn) = (0.0, None, 0.0, 0.0, 0.0, false);
         // a solver that was reset has all cells filled with tissue again
         p.filled.fill(0.0);
-        (p.released, p.friction, p.slips, p.depth, p.elapsed) = (None, 0.0, 0.0, 0.0, f64::INFINITY);
+        (p.broken, p.released) = (None, None);
+        (p.friction, p.slips, p.depth, p.elapsed) = (0.0, 0.0, 0.0, f64::INFINITY);
         self.release(solver);
         self.place(solver);
     }

@@ -9,7 +9,7 @@ fn patterns_and_names() {
     assert_eq!(filled("{name:x} {} {name:-9}{name", "EF10", "x"), "{name:x} {} {name");
 }
 
-/// A file's own name is no field, and a pattern of many stars is not tried in every way.
+/// A file's own name is not expanded, and matching a pattern with many stars does not take exponential time.
 #[test]
 fn names_and_patterns_end() {
     assert_eq!(filled("{name:99}/{name}", "{name:99}{folder}", "x"), "{name:99}{folder}/{name:99}{folder}");

@@ -1,4 +1,5 @@
-//! Readings against a run with other shifts: least squares by size, zero and drift, and by the shifts.
+//! Residual of the measured readings against a run with shifted contact and clock: linear least squares for factor,
+//! zero and drift, and the derivatives by the shifts.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -6,35 +7,37 @@ use crate::compare::components::take_load_cell_off;
 use crate::compare::path::ForcePath;
 use crate::compare::rows::Rows;
 
-/// Largest shifts of the grid: share of the recording's time and of its largest depth, s and m; and its steps on either side.
+/// Largest shifts of the grid: share of the recording's time, and the upper limit in s; and steps of the grid on
+/// either side.
 const MOST_S: (f64, f64) = (0.25, 3.0);
 const MOST_M: (f64, f64) = (0.3, 3e-3);
 const STEPS: [i32; 2] = [40, 20];
-/// Share of the way in within which a contact can lie, and most steps of the grid beyond the others.
+/// Share of the largest depth within which a contact can lie, and the number of additional contact depths of the
+/// grid.
 const WAY: f64 = 0.9;
 const DEEPER: usize = 400;
-/// Unknowns besides the two shifts: size, zero and drift, in which the force is linear.
+/// Unknowns in addition to the two shifts: factor, zero and drift, in which the force is linear.
 pub(super) const LINEAR: usize = 3;
 
-/// A component across the axis: the run's, what was measured of it at the rows, N, and its weight.
+/// A component across the axis: the run's, its measured values at the rows, and its weight.
 #[derive(Clone, Debug)]
 pub struct Beside {
-    /// Predicted.
+    /// Predicted component.
     pub path: ForcePath,
-    /// N
+    /// Measured values, N.
     pub measured_n: Vec<f64>,
-    /// Noise of the force along the axis over its own.
+    /// Noise of the force along the axis divided by its own noise.
     pub weight: f64,
 }
 
-/// Readings that are aligned.
+/// The readings to be aligned.
 pub(super) struct Problem<'a> {
     pub path: &'a ForcePath,
     pub time_s: Vec<f64>,
     measured_n: Vec<f64>,
-    /// At the same times.
+    /// Components across the axis at the same times.
     pub beside: Vec<(&'a ForcePath, Vec<f64>, f64)>,
-    /// How many of size, zero and drift are free.
+    /// How many of factor, zero and drift are free.
     pub free: usize,
 }
 
@@ -47,12 +50,12 @@ impl<'a> Problem<'a> {
         Self { path, time_s: every(&rows.time_s), measured_n: every(&rows.measured_n), beside, free }
     }
 
-    /// Readings that a run with shifted stamps covers.
+    /// Readings that the run covers for these shifts.
     fn used(&self, at: [f64; 2]) -> Vec<usize> {
         (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])).collect()
     }
 
-    /// A column of a component across the axis, without what zero and drift can make of it.
+    /// A column of a component across the axis, with zero and drift projected out.
     fn beside_column(&self, used: &[usize], weight: f64, of: impl Fn(usize) -> f64) -> Vec<f64> {
         let times: Vec<f64> = used.iter().map(|&i| self.time_s[i]).collect();
         let mut column: Vec<f64> = used.iter().map(|&i| weight * of(i)).collect();
@@ -64,8 +67,8 @@ impl<'a> Problem<'a> {
         self.path.force_n(self.time_s[i] - tau, c)
     }
 
-    /// Size, zero and drift for given shifts, and the residual's sum of squares per reading; readings that the shifted run doesn't
-    /// cover are left out.
+    /// Factor, zero and drift for given shifts, and the mean square residual per reading. Readings that the shifted
+    /// run does not cover are left out.
     pub fn linear(&self, at: [f64; 2]) -> Option<([f64; LINEAR], f64)> {
         let (mut n, mut y, mut squares, mut count) = ([[0.0; LINEAR]; LINEAR], [0.0; LINEAR], 0.0, 0.0);
         let start = self.time_s[0];
@@ -88,14 +91,15 @@ impl<'a> Problem<'a> {
             squares += product(&m, &m);
             count += used.len() as f64;
         }
-        // what is known stays 0
+        // fixed parameters stay 0
         (self.free..LINEAR).for_each(|a| n[a][a] = 1.0);
         let x = nalgebra::Matrix3::from_fn(|a, b| n[a][b]).cholesky()?.solve(&nalgebra::Vector3::from(y));
         let left = squares - (0..LINEAR).map(|a| x[a] * y[a]).sum::<f64>();
         (x[0] > 0.0 && count > 2.0 * LINEAR as f64).then_some(([x[0], x[1], x[2]], left.max(0.0) / count))
     }
 
-    /// The shifts of a grid that leave the least; of the contact alone where the clock's is given, s.
+    /// The shifts of the grid with the smallest residual. If the clock offset is given, s, only the contact is
+    /// varied.
     pub fn grid(&self, deepest_m: f64, clock: Option<f64>) -> Option<[f64; 2]> {
         let whole = self.time_s.last()? - self.time_s.first()?;
         let most = [most_m(deepest_m), (MOST_S.0 * whole).min(MOST_S.1)];
@@ -104,7 +108,7 @@ impl<'a> Problem<'a> {
             let only = |j: &i32| clock.is_none() || *j == 0;
             (-STEPS[0]..=STEPS[0]).filter(only).map(move |j| [value(0, i), clock.unwrap_or(0.0) + value(1, j)])
         });
-        // a contact deeper than that, as far as the instrument went, with one clock
+        // also try deeper contacts, up to the largest depth, without a variation of the clock
         let widest = reach_m(deepest_m)[1];
         let deeper = (STEPS[1]..).map(|i| value(0, i)).take_while(|c| *c < widest).take(DEEPER);
         let shifts = shifts.chain(deeper.map(|c| [c, clock.unwrap_or(0.0)]));
@@ -112,7 +116,7 @@ impl<'a> Problem<'a> {
         left.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
 
-    /// Residuals and their derivatives by contact depth, time offset, size, zero and drift.
+    /// Residuals and their derivatives by contact depth, time offset, factor, zero and drift.
     pub fn jacobian(&self, at: [f64; 2], linear: [f64; LINEAR]) -> (DVector<f64>, DMatrix<f64>) {
         let used = self.used(at);
         let since = |i: usize| self.time_s[i] - self.time_s[0];
@@ -153,12 +157,12 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Shifts of the contact that are looked for, m: as far as the instrument went.
+/// Range of the contact's shift, m: up to the largest depth.
 pub(super) fn reach_m(deepest_m: f64) -> [f64; 2] {
     [-most_m(deepest_m), (WAY * deepest_m).max(most_m(deepest_m))]
 }
 
-/// Largest shift of the contact for which the clock is looked for as well, m.
+/// Largest shift of the contact for which the clock offset is varied as well, m.
 fn most_m(deepest_m: f64) -> f64 {
     (MOST_M.0 * deepest_m).min(MOST_M.1)
 }

@@ -1,96 +1,98 @@
-//! What the load cell and tracked points say of the members.
+//! Data assimilation: updates the members of an ensemble from the load cell and from tracked points.
 //!
-//! Members have constant values and answer every reading already, so assimilation needs no runs. In their space it is a linear regression
-//! ([`learning`](crate::compare::learning)): the unknowns are weights w of the members' distances from their mean, which are normal with variance 1 before the first reading,
+//! The members have constant parameters and answer every reading already, so assimilation needs no further runs. In
+//! the space of the members it is a linear regression ([`learning`](crate::compare::learning)). The unknowns are
+//! weights w of the members' deviations from their mean. A priori they are normal with variance 1:
 //!
 //! ```text
 //! x = mean(x_k) + X w / sqrt(n - 1),   X: members' x_k less their mean, a row
 //! mean(x) + X m / sqrt(n - 1),   cov(x) = X C X' / (n - 1),   members afterwards: the mean + C^1/2 X'
 //! ```
 //!
-//! which is what a square-root ensemble Kalman filter has (Tippett et al., Mon. Weather Rev. 131, 2003), taken over all readings at once, so that the size
-//! of errors is one for all of them. Force and each coordinate of each target are channels of their own. The band of the force that comes next has what
-//! is not known of the members, of the error of the model, and the noise.
+//! This is the update of a square-root ensemble Kalman filter (Tippett et al., Mon. Weather Rev. 131, 2003). It
+//! covers all readings at once, so that the size of the model error is the same for all of them. The force, and each
+//! coordinate of each target, is a channel of its own. The predicted band of the force contains the uncertainty of
+//! the members, the model error, and the noise.
 
 use super::Band;
-/// How far ahead the force is forecast, s.
+/// Forecast horizon of the force, s.
 pub use crate::compare::learning::BLOCK_S as HORIZON_S;
 use crate::compare::learning::{Expected, Learner, Reading};
 
-/// Noise that every load cell has, N.
+/// Least noise that is assumed for a load cell, N.
 const LEAST_NOISE_N: f64 = 1e-6;
-/// Noise that every tracker has, m.
+/// Least noise that is assumed for a tracker, m.
 const LEAST_NOISE_M: f64 = 1e-6;
-/// Fewest members.
+/// Smallest number of members.
 const FEWEST: usize = 4;
 
-/// A measured force, and what the members say it should be.
+/// A measured force and the members' predictions of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Observed {
-    /// s
+    /// Time, s.
     pub time_s: f64,
-    /// N
+    /// Measured force, N.
     pub measured_n: f64,
-    /// Of each member, N.
+    /// Prediction of each member, N.
     pub members_n: Vec<f64>,
-    /// How far the members may be off because their tissue swings ([`Swing`](crate::compare::learning::Swing)), N.
+    /// Possible error of the members because their tissue oscillates ([`Swing`](crate::compare::learning::Swing)), N.
     pub doubt_n: f64,
 }
 
-/// Tracked points inside the sample, and where the members have them.
+/// Tracked points inside the sample, and the members' predictions of them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracked {
-    /// s
+    /// Time, s.
     pub time_s: f64,
-    /// Where each target was seen, m; not a number where it was not.
+    /// Measured position of each target, m; not a number where it was not seen.
     pub measured_m: Vec<[f64; 3]>,
-    /// The same of each member, m.
+    /// Predicted positions of each member, m.
     pub members_m: Vec<Vec<[f64; 3]>>,
 }
 
-/// A force that was forecast from what had been measured up to one block before.
+/// A forecast of the force from the measurements up to one block before.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Forecast {
-    /// N
+    /// Mean, N.
     pub mean_n: f64,
-    /// Of a reading about it, N.
+    /// Standard deviation of a reading about the mean, N.
     pub standard_deviation_n: f64,
 }
 
 impl Forecast {
-    /// The band that holds 95 % of the readings.
+    /// The band that contains 95 % of the readings.
     #[must_use]
     pub fn band(&self) -> Band {
         Band::normal(self.mean_n, self.standard_deviation_n)
     }
 
-    /// Of members with this mean.
+    /// The forecast for members with this mean.
     fn of(mean_n: f64, Expected { off, variance }: Expected) -> Self {
         Self { mean_n: mean_n + off, standard_deviation_n: variance.sqrt() }
     }
 }
 
-/// What a recording says.
+/// Result of the assimilation of a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Assimilated {
-    /// One for each reading of the load cell; `None` in the first block and after a gap.
+    /// One forecast for each reading of the load cell; `None` in the first block and after a gap.
     pub forecasts: Vec<Option<Forecast>>,
     /// Mean and standard deviation of each key after the last reading.
     pub keys: Vec<[f64; 2]>,
-    /// The same after each block that was seen, with the time of its last reading, s.
+    /// The same after each block, with the time of its last reading, s.
     pub history: Vec<(f64, Vec<[f64; 2]>)>,
-    /// Blocks of the load cell's readings, and how many of them were rejected.
+    /// Number of blocks of the load cell's readings.
     pub blocks: usize,
-    /// See `blocks`.
+    /// Number of these blocks that were rejected.
     pub rejected_blocks: usize,
-    /// The same of the coordinates of tracked points, all together.
+    /// Number of blocks of the tracked points' coordinates, all together.
     pub tracked_blocks: usize,
-    /// See `tracked_blocks`.
+    /// Number of these blocks that were rejected.
     pub rejected_tracked_blocks: usize,
 }
 
-/// Assimilates readings and tracked points, each in the order of time; `values` has the keys' values of each member. `None` of fewer than four
-/// members, or where nothing was measured.
+/// Assimilates readings and tracked points, each in order of time. `values` has the keys' values of each member.
+/// `None` for fewer than four members, or if nothing was measured.
 #[must_use]
 pub fn assimilate(observed: &[Observed], tracked: &[Tracked], values: &[Vec<f64>]) -> Option<Assimilated> {
     let mut filter = Assimilation::new(values.len()).filter(|_| !observed.is_empty() || !tracked.is_empty())?;
@@ -122,16 +124,16 @@ pub fn assimilate(observed: &[Observed], tracked: &[Tracked], values: &[Vec<f64>
     })
 }
 
-/// Values of each key, of all members.
+/// Transposes to the values of all members for each key.
 fn transposed(values: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let keys = values.first().map_or(0, Vec::len);
     (0..keys).map(|k| values.iter().map(|of_member| of_member[k]).collect()).collect()
 }
 
-/// Notes what the keys are after each block.
+/// Records the keys after each block.
 struct History {
     of_key: Vec<Vec<f64>>,
-    /// Blocks so far, and the time of the last reading.
+    /// Number of blocks so far, and the time of the last reading.
     seen: usize,
     last_s: f64,
     rows: Vec<(f64, Vec<[f64; 2]>)>,
@@ -143,7 +145,7 @@ impl History {
         self.of_key.iter().map(state).collect()
     }
 
-    /// A reading was taken: it has ended the blocks before it.
+    /// Called for each reading; records the blocks that ended before it.
     fn see(&mut self, time_s: f64, filter: &Assimilation) {
         let blocks = filter.all_blocks();
         if blocks > self.seen {
@@ -153,18 +155,18 @@ impl History {
     }
 }
 
-/// What has been assimilated so far, reading by reading. See the module.
+/// Sequential assimilation, reading by reading. See the module.
 #[derive(Clone, Debug)]
 pub struct Assimilation {
     members: usize,
     learner: Learner,
     force: usize,
-    /// Three for each target that was tracked.
+    /// Three channels for each target that was tracked.
     targets: Vec<usize>,
 }
 
 impl Assimilation {
-    /// Nothing is assimilated yet; `None` of fewer than four members.
+    /// A filter without measurements; `None` for fewer than four members.
     #[must_use]
     pub fn new(members: usize) -> Option<Self> {
         (members >= FEWEST).then(|| {
@@ -174,7 +176,7 @@ impl Assimilation {
         })
     }
 
-    /// Mean of the members, and what the unknowns add to it.
+    /// Mean of the members, and the effect of each unknown on it.
     fn row(&self, of_members: &[f64]) -> (f64, Vec<f64>) {
         let n = of_members.len() as f64;
         let mean = of_members.iter().sum::<f64>() / n;
@@ -186,14 +188,15 @@ impl Assimilation {
         (mean, Reading { off: observed.measured_n - mean, row, force_n: Some(mean), doubt: observed.doubt_n })
     }
 
-    /// Takes a reading of the load cell, no earlier than the one before, and gives what was forecast for it from what had been measured up to one
-    /// block before; `None` in the first block and after a gap.
+    /// Takes a reading of the load cell, no earlier than the last one. Returns its forecast from the measurements up
+    /// to one block before; `None` in the first block and after a gap.
     pub fn take(&mut self, observed: &Observed) -> Option<Forecast> {
         let (mean, reading) = self.reading(observed);
         self.learner.take_expected(self.force, observed.time_s, reading).map(|expected| Forecast::of(mean, expected))
     }
 
-    /// Takes tracked points, no earlier than those before. What was not seen, or what a member doesn't have, says nothing.
+    /// Takes tracked points, no earlier than the last ones. Points that were not seen, or that a member lacks, are
+    /// ignored.
     pub fn track(&mut self, tracked: &Tracked) {
         while self.targets.len() < 3 * tracked.measured_m.len() {
             self.targets.push(self.learner.add(LEAST_NOISE_M));
@@ -209,7 +212,8 @@ impl Assimilation {
         }
     }
 
-    /// A reading of the load cell at a time that has not been measured yet, if the members will have these forces; `None` where one of them is not finite.
+    /// Forecast of a future reading of the load cell, given the members' predictions of it. `None` if one of them is
+    /// not finite.
     #[must_use]
     pub fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
         let (mean, reading) = self.reading(&Observed { measured_n: 0.0, ..ahead.clone() });
@@ -217,12 +221,12 @@ impl Assimilation {
         Some(forecast).filter(|f| f.mean_n.is_finite() && f.standard_deviation_n.is_finite())
     }
 
-    /// Ends the blocks that have been begun.
+    /// Ends the blocks that are incomplete.
     pub fn close(&mut self) {
         self.learner.close_all();
     }
 
-    /// Mean and variance of what the members have; `None` where a number is not finite.
+    /// Mean and variance of a quantity of the members after the update; `None` if a number is not finite.
     #[must_use]
     pub fn state(&self, of_members: &[f64]) -> Option<(f64, f64)> {
         let (mean, row) = self.row(of_members);
@@ -230,7 +234,7 @@ impl Assimilation {
         (mean.is_finite() && variance.is_finite()).then_some((mean + more, variance))
     }
 
-    /// What the members would have with the values that the measurements say: their mean moved, their spread narrowed.
+    /// The members' values after the update: their mean is shifted and their spread reduced.
     #[must_use]
     pub fn analysed(&self, of_members: &[f64]) -> Vec<f64> {
         let (mean, row) = self.row(of_members);
@@ -239,30 +243,30 @@ impl Assimilation {
         self.learner.narrowed(&row).into_iter().map(|off| mean + one * off).collect()
     }
 
-    /// Standard deviation of what a reading of the load cell is off by beyond the members' spread, N.
+    /// Standard deviation of the error of a load cell's reading beyond the members' spread, N.
     #[must_use]
     pub fn error_n(&self) -> f64 {
         self.learner.error(self.force)
     }
 
-    /// Blocks of all channels that were seen.
+    /// Number of blocks of all channels.
     fn all_blocks(&self) -> usize {
         self.targets.iter().map(|target| self.learner.tally(*target).blocks).sum::<usize>() + self.blocks()
     }
 
-    /// Blocks of the load cell's readings that were seen.
+    /// Number of blocks of the load cell's readings.
     #[must_use]
     pub fn blocks(&self) -> usize {
         self.learner.tally(self.force).blocks
     }
 
-    /// Blocks of them that were rejected.
+    /// Number of these blocks that were rejected.
     #[must_use]
     pub fn rejected(&self) -> usize {
         self.learner.tally(self.force).rejected
     }
 
-    /// Whether the last block of them was rejected.
+    /// Whether the last of these blocks was rejected.
     #[must_use]
     pub fn rejects(&self) -> bool {
         self.learner.tally(self.force).rejects

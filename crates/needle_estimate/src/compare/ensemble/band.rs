@@ -1,26 +1,26 @@
-//! What members say of a force, and of a place.
+//! Bands of the members' force and covariance of their target positions.
 
-/// Half a band of 95 %, in standard deviations of a normal distribution.
+/// Half-width of a 95 % band, in standard deviations of a normal distribution.
 const HALF: f64 = 1.959_963_984_540_054;
 
-/// Force of the members at one time.
+/// Distribution of the members' force at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Band {
     /// Mean, N.
     pub mean_n: f64,
     /// Standard deviation, N.
     pub standard_deviation_n: f64,
-    /// Force below which 2.5 % lie, N.
+    /// 2.5 % quantile, N.
     pub low_n: f64,
-    /// Force below which 97.5 % lie, N.
+    /// 97.5 % quantile, N.
     pub high_n: f64,
 }
 
 impl Band {
-    /// Shares of the probability below the band and below its upper end.
+    /// Cumulative probabilities at the lower and the upper end of the band.
     pub const SHARES: [f64; 2] = [0.025, 0.975];
 
-    /// The band of the forces that are finite; `None` of none.
+    /// The band of the finite forces; `None` if there are none.
     #[must_use]
     pub fn of(forces: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = forces.filter(|f| f.is_finite()).collect();
@@ -30,21 +30,21 @@ impl Band {
         Some(Self { mean_n, standard_deviation_n: variance.sqrt(), low_n, high_n })
     }
 
-    /// The band of a force that goes with a normal distribution.
+    /// The band of a normal distribution.
     #[must_use]
     pub fn normal(mean_n: f64, standard_deviation_n: f64) -> Self {
         let half = HALF * standard_deviation_n;
         Self { mean_n, standard_deviation_n, low_n: mean_n - half, high_n: mean_n + half }
     }
 
-    /// Whether a force lies in it.
+    /// Whether a force lies inside the band.
     #[must_use]
     pub fn holds(&self, force_n: f64) -> bool {
         (self.low_n..=self.high_n).contains(&force_n)
     }
 }
 
-/// Mean, and variance with n - 1; `None` of none.
+/// Mean, and variance with n - 1; `None` without values.
 fn moments(values: &[f64]) -> Option<(f64, f64)> {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -52,8 +52,9 @@ fn moments(values: &[f64]) -> Option<(f64, f64)> {
     (n > 0.0).then_some((mean, squares / (n - 1.0).max(1.0)))
 }
 
-/// Quantile of sorted values, at least one. Each of n stands for an equal part of the probability and lies in its middle, (i + 1/2) / n
-/// (Hazen's rule); between them it is linear, and beyond the outermost it is they.
+/// Quantile of sorted values, at least one. Each of n values is the quantile at the middle of its part of the
+/// probability, (i + 1/2) / n (Hazen's rule). In between it is interpolated linearly; beyond the outermost values it
+/// is constant.
 #[must_use]
 pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let place = (share * sorted.len() as f64 - 0.5).clamp(0.0, (sorted.len() - 1) as f64);
@@ -64,7 +65,7 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     }
 }
 
-/// Where the members have a target.
+/// Distribution of a target's position over the members.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spread {
     /// Mean position, m.
@@ -74,7 +75,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Mean and covariance (with n - 1) of positions; `None` of none.
+    /// Mean and covariance (with n - 1) of positions; `None` without positions.
     #[must_use]
     pub fn of(positions: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
         let all: Vec<[f64; 3]> = positions.filter(|p| p.iter().all(|x| x.is_finite())).collect();
@@ -97,7 +98,7 @@ mod tests {
     #[test]
     fn quantiles_take_each_value_for_an_equal_part() {
         let sorted: Vec<f64> = (0..40).map(f64::from).collect();
-        // the lowest of forty is the middle of the lowest fortieth
+        // the lowest of forty values lies in the middle of the lowest fortieth
         assert_eq!(quantile(&sorted, 0.0125), 0.0);
         assert!((quantile(&sorted, 0.025) - 0.5).abs() < 1e-12 && (quantile(&sorted, 0.975) - 38.5).abs() < 1e-12);
         assert_eq!(

@@ -1,23 +1,25 @@
-//! Many runs on the threads that there are: each thread takes the next run that nobody has taken, so that the result of a run depends
-//! on nothing but the run.
+//! Distributes many runs over worker threads. Each thread takes the next run that is not taken yet. The result of a
+//! run does not depend on the thread or on the other runs.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::ThreadPoolBuildError;
 
-/// Threads that take runs, and who is told of it.
+use crate::compare::Cancel;
+
+/// Worker threads, and a callback for progress.
 pub struct Crew<'a> {
-    /// How many threads.
+    /// Number of threads.
     pub threads: usize,
-    /// Set by whoever wants the runs to end.
-    pub stop: Option<Arc<AtomicBool>>,
+    /// Ends the runs.
+    pub cancel: Cancel,
     /// Called after each run, by the thread that made it.
     pub done: &'a (dyn Fn() + Sync),
 }
 
 impl Crew<'_> {
-    /// Does work 0, 1, ... and gives the results in this order. Each is done with one thread: what asks rayon for more gets none.
+    /// Does work 0, 1, ... and returns the results in this order. Each run uses one thread: rayon has no further
+    /// threads inside it.
     ///
     /// # Errors
     /// If no thread can be started.

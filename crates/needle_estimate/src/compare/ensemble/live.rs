@@ -1,4 +1,4 @@
-//! Members that follow a stream of poses one by one, learn from the load cell, and look ahead.
+//! Live members: they follow a stream of poses, are updated from the load cell, and predict the next motion.
 
 use super::assimilate::{Assimilation, Observed, Tracked};
 use super::path::{between, distinct};
@@ -8,65 +8,67 @@ use crate::compare::learning::Swing;
 use needle_core::scene::Recorded;
 use needle_core::twin::{Halt, Motion, Places, Pose, Prediction, StampedPose, Team, Twin};
 
-/// How a twin, or a team of them, takes a pose.
+/// Function that advances a twin to a pose; [`WayOfTeam`] is the same for a team.
 type Way<T> = fn(&mut T, StampedPose) -> Result<Prediction, Halt>;
 type WayOfTeam = fn(&mut Team, &mut Places<&mut Twin>, &[StampedPose; Team::MOST]) -> Places<Result<Prediction, Halt>>;
 
-/// Twins of members, each on one thread, all in the thread that asks.
+/// Twins of the members. All are advanced in the calling thread.
 pub struct Live {
-    /// A twin for each run that members share, and how much less deep its instrument is, m; none where the scene can't be discretised.
+    /// A twin for each run that members share, and by how much its instrument is less deep, m. `None` if the scene
+    /// can't be discretised.
     twins: Vec<(Option<Twin>, f64)>,
-    /// Those of the twins that are stepped together.
+    /// The twins that are stepped as teams.
     teams: Vec<Together>,
-    /// Of the twins on one cloud a double of one, from the first look ahead on.
+    /// One scratch copy of a twin for each cloud, made at the first look-ahead.
     doubles: Vec<Twin>,
-    /// Which of them a member has, the member's force over its, and what the load cell reads without load, N.
+    /// For each member: index of its twin, its force over that of the twin, and the reading of the load cell without
+    /// load, N.
     members: Vec<(usize, f64, f64)>,
-    /// Force of each twin at the last pose, N; not a number where there is none.
+    /// Force of each twin at the last pose, N; not a number if there is none.
     force_n: Vec<f64>,
-    /// How far it may be off, N, by the one of them that swings most.
+    /// Possible error of the force because of oscillating tissue, N: that of the twin that oscillates most.
     swing: Swing,
     doubt_n: f64,
     /// Positions of targets, m.
     positions: Vec<Vec<[f64; 3]>>,
-    /// Why a twin has no answer to the last pose, of the first that has none.
+    /// Why a twin has no answer to the last pose; that of the first such twin.
     halt: Option<Halt>,
     /// The last pose.
     last: Option<StampedPose>,
-    /// What load cell and tracked points have said, and the members that had an answer when they first spoke.
+    /// The filter, and the members that had an answer at its first measurement.
     learnt: Option<(Assimilation, Vec<usize>)>,
 }
 
-/// What members say of the next piece of the way.
+/// The members' predictions for the next part of the motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ahead {
-    /// Way of the tip from the last pose on, from 0, m.
+    /// Travel of the tip from the last pose, m; starts at 0.
     pub way_m: Vec<f64>,
-    /// Force of each member at each place, N.
+    /// Force of each member at each of these positions, N.
     pub forces_n: Vec<Vec<f64>>,
-    /// Targets of each member at the first place, m.
+    /// Targets of each member at the first position, m.
     pub targets_now: Vec<Vec<[f64; 3]>>,
-    /// And at the last.
+    /// Targets of each member at the last position, m.
     pub targets_ahead: Vec<Vec<[f64; 3]>>,
 }
 
-/// What the members said at a pose.
+/// The members' predictions at a pose.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Told {
     /// Time of the pose, s.
     pub time_s: f64,
-    /// What the load cell should read by each member, N; not a number where it has no answer.
+    /// Expected reading of the load cell for each member, N; not a number if it has no answer.
     pub forces_n: Vec<f64>,
-    /// Targets of each member, m; none where it has no answer, or where they were not asked for.
+    /// Targets of each member, m; empty if it has no answer, or if they were not requested.
     pub targets_m: Vec<Vec<[f64; 3]>>,
-    /// How far their forces may be off because tissue swings, N.
+    /// Possible error of the forces because tissue oscillates, N.
     pub doubt_n: f64,
 }
 
-/// Whether members can follow poses as they come.
+/// Whether members can follow poses live.
 ///
 /// # Errors
-/// [`EnsembleError::NotLive`] where the clock of the force is uncertain: what it will read is not known yet.
+/// [`EnsembleError::NotLive`] if the clock of the force is uncertain: its future readings are not known yet.
 pub fn check_live(members: &[Member]) -> Result<(), EnsembleError> {
     let late = members.iter().any(|member| member.shift.time_offset_s != 0.0);
     let key = Recorded::KEYS.iter().find(|(_, recorded, _)| *recorded == Recorded::TimeOffset).map(|(key, ..)| *key);
@@ -74,7 +76,8 @@ pub fn check_live(members: &[Member]) -> Result<(), EnsembleError> {
 }
 
 impl Live {
-    /// Builds a twin for each member; those with the same mechanics share one. `trouble` hears why one can't be built.
+    /// Builds a twin for each member. Members with the same mechanics share one. `trouble` is called with the reason
+    /// if one can't be built.
     ///
     /// # Errors
     /// [`EnsembleError::Threads`].
@@ -108,13 +111,13 @@ impl Live {
         })
     }
 
-    /// Advances every member to a pose of an instrument that is followed. A twin that has no answer has none until it comes back by itself
-    /// ([`Twin::follow`]).
+    /// Advances every member to a pose of an instrument that is tracked. A twin without an answer stays so until it
+    /// recovers automatically ([`Twin::follow`]).
     pub fn follow(&mut self, pose: &StampedPose) {
         self.advance(pose, Twin::follow, Team::follow);
     }
 
-    /// Advances every member to a pose, however far ([`Twin::step`]).
+    /// Advances every member to a pose, whatever the distance ([`Twin::step`]).
     pub fn step(&mut self, pose: &StampedPose) {
         self.advance(pose, Twin::step, Team::step);
     }
@@ -150,7 +153,7 @@ impl Live {
         }
     }
 
-    /// Notes the answer of one twin.
+    /// Stores the answer of one twin.
     fn answered(&mut self, k: usize, pose: &StampedPose, answer: Result<Prediction, Halt>) {
         self.force_n[k] = answer.as_ref().map_or(f64::NAN, |p| against(p, pose));
         if let Ok(prediction) = &answer {
@@ -163,18 +166,19 @@ impl Live {
         }
     }
 
-    /// What the load cell should read at the last pose by each member, N, positive against the insertion; not a number where it has no answer.
+    /// Expected reading of the load cell at the last pose for each member, N, positive against the insertion. Not a
+    /// number if the member has no answer.
     pub fn forces(&self) -> impl Iterator<Item = f64> {
         self.members.iter().map(|(k, factor, zero)| factor * self.force_n[*k] + zero)
     }
 
-    /// Why there is no answer to the last pose, of the first twin that has none.
+    /// Why there is no answer to the last pose; that of the first such twin.
     #[must_use]
     pub const fn halt(&self) -> Option<&Halt> {
         self.halt.as_ref()
     }
 
-    /// What the members say at the last pose, with their targets if these are wanted.
+    /// The members' predictions at the last pose, with their targets if requested.
     #[must_use]
     pub fn told(&self, with_targets: bool) -> Told {
         let targets_m = match with_targets {
@@ -185,7 +189,7 @@ impl Live {
         Told { time_s, forces_n: self.forces().collect(), targets_m, doubt_n: self.doubt_n }
     }
 
-    /// The filter and its members, which are those that have an answer now if nothing has been learnt yet.
+    /// The filter and its members. Before the first measurement these are the members that have an answer now.
     fn learning(&mut self, told: &Told) -> Option<&mut (Assimilation, Vec<usize>)> {
         if self.learnt.is_none() {
             let used: Vec<usize> = (0..told.forces_n.len()).filter(|k| told.forces_n[*k].is_finite()).collect();
@@ -194,8 +198,8 @@ impl Live {
         self.learnt.as_mut()
     }
 
-    /// Takes a reading of the load cell at a pose at which the members said this; false if it says nothing, since one of those that have learnt so
-    /// far had no answer then.
+    /// Assimilates a reading of the load cell at the pose of these predictions. Returns false if the reading is not
+    /// used, because a member of the filter had no answer then.
     pub fn measured(&mut self, measured_n: f64, told: &Told) -> bool {
         let Some((filter, used)) = self.learning(told) else { return false };
         let members_n: Vec<f64> = used.iter().map(|k| told.forces_n[*k]).collect();
@@ -206,8 +210,9 @@ impl Live {
         complete
     }
 
-    /// Takes places of the targets, m (not a number where one was not seen), that were measured a share of the way from one pose to the next; false
-    /// if they say nothing, since one of the members that have learnt so far has none.
+    /// Assimilates positions of the targets, m (not a number if one was not seen), measured at a fraction `share` of
+    /// the interval between two poses. Returns false if they are not used, because a member of the filter has no
+    /// answer.
     pub fn tracked(&mut self, measured_m: &[[f64; 3]], from: &Told, to: &Told, share: f64) -> bool {
         let Some((filter, used)) = self.learning(from) else { return false };
         let of_member = |k: &usize| {
@@ -220,14 +225,14 @@ impl Live {
         true
     }
 
-    /// What has been learnt from load cell and tracked points.
+    /// The filter, once a load cell or tracked points were assimilated.
     #[must_use]
     pub fn assimilation(&self) -> Option<&Assimilation> {
         self.learnt.as_ref().map(|(filter, _)| filter)
     }
 
-    /// Band of the force at the last pose, with the number of members that have an answer; `None` of none. Once a load cell was
-    /// assimilated it is that of its next reading.
+    /// Band of the force at the last pose, with the number of members that have an answer; `None` without answers.
+    /// After assimilation it is the band of the next reading of the load cell.
     #[must_use]
     pub fn band(&self) -> Option<(Band, usize)> {
         let all: Vec<f64> = self.forces().collect();
@@ -250,8 +255,8 @@ impl Live {
         (0..count).filter_map(|t| Spread::of(places.iter().filter_map(|of| of.get(t).copied()))).collect()
     }
 
-    /// What every member would answer on the next piece of the way; `None` without a pose, without an answer, or where one of those that
-    /// have learnt from the load cell has none.
+    /// Predictions of every member for the next part of the motion. `None` without a pose, without an answer, or if a
+    /// member of the filter has none.
     pub fn ahead(&mut self, motion: &Motion) -> Option<Ahead> {
         let from = self.last?;
         let mut forces: Vec<Vec<f64>> = Vec::new();
@@ -286,7 +291,8 @@ impl Live {
         })
     }
 
-    /// A number of each member with an answer, as the load cell has left it; `None` of none, or where one that has learnt has none.
+    /// A quantity of each member with an answer, after the update by measurements. `None` without answers, or if a
+    /// member of the filter has none.
     fn of_members(&self, value: impl Fn(usize, f64, f64) -> f64) -> Option<Vec<f64>> {
         let all: Vec<f64> = self.members.iter().map(|&(k, factor, zero)| value(k, factor, zero)).collect();
         let Some((filter, used)) = &self.learnt else {
@@ -297,7 +303,7 @@ impl Live {
         of_used.iter().all(|x| x.is_finite()).then(|| filter.analysed(&of_used))
     }
 
-    /// Positions of the targets of each member, as the load cell has left them.
+    /// Positions of the targets of each member, after the update by measurements.
     fn places(&self, positions: &[Vec<[f64; 3]>]) -> Vec<Vec<[f64; 3]>> {
         let count = positions.iter().map(Vec::len).max().unwrap_or(0);
         let coordinate = |t: usize, c: usize| {
@@ -308,7 +314,7 @@ impl Live {
         (0..members).map(|m| columns.iter().map(|xyz| [0, 1, 2].map(|c| xyz[c][m])).collect()).collect()
     }
 
-    /// All members undeformed again, and nothing learnt.
+    /// Resets all members to the undeformed state, and the filter.
     pub fn reset(&mut self) {
         self.twins.iter_mut().filter_map(|(twin, _)| twin.as_mut()).for_each(Twin::reset);
         self.force_n.fill(f64::NAN);
@@ -318,7 +324,7 @@ impl Live {
     }
 }
 
-/// The double of the twins on the cloud of one; makes it where there is none yet.
+/// The scratch copy for the cloud of a twin; it is made at the first use.
 fn double_of<'a>(doubles: &'a mut Vec<Twin>, twin: &Twin) -> &'a mut Twin {
     let place = doubles.iter().position(|double| double.is_sibling_of(twin)).unwrap_or_else(|| {
         doubles.push(twin.double());
@@ -327,7 +333,7 @@ fn double_of<'a>(doubles: &'a mut Vec<Twin>, twin: &Twin) -> &'a mut Twin {
     &mut doubles[place]
 }
 
-/// A pose with the instrument further along its axis, m.
+/// A pose with the instrument advanced along its axis by a distance, m.
 fn moved(pose: &StampedPose, by_m: f64) -> StampedPose {
     let Pose { tip, axis } = pose.pose;
     StampedPose { pose: Pose { tip: std::array::from_fn(|i| tip[i] + by_m * axis[i]), axis }, ..*pose }

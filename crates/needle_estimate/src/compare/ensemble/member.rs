@@ -1,17 +1,17 @@
-//! Members: the scene with one draw of every uncertain key, and how the recording lies to it.
+//! Members of an ensemble: the scene with one draw of every uncertain key, and the alignment of the recording.
 
 use super::points::{DIMENSIONS, MOST, coordinate};
 use super::{EnsembleError, Size};
 use needle_core::scene::{Base, Dependence, InstrumentKind, Override, Recorded, Scene};
 
-/// How a recording lies to a member.
+/// Alignment of a recording with a member.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shift {
     /// Recorded depth at which the instrument touches the sample, m.
     pub contact_depth_m: f64,
-    /// How late the force's stamps are against the position's, s.
+    /// Delay of the force's stamps against the position's, s.
     pub time_offset_s: f64,
-    /// What the load cell reads without load, N.
+    /// Reading of the load cell without load, N.
     pub force_zero_n: f64,
 }
 
@@ -20,21 +20,21 @@ pub struct Shift {
 pub struct Member {
     /// Values of the uncertain keys, in the scene's order.
     pub values: Vec<f64>,
-    /// The scene that is run, with these values; of the modulus it has the ensemble's own where `factor` stands for it. Nothing is
-    /// uncertain in it any more.
+    /// The scene that is run, with these values. If `factor` accounts for the modulus, it has the ensemble's own
+    /// modulus instead. The scene has no uncertain keys.
     pub scene: Scene,
     /// Force of the member over that of the scene that is run.
     pub factor: f64,
-    /// What of the values is of the recording.
+    /// Those of the values that describe the recording.
     pub shift: Shift,
 }
 
 impl Member {
-    /// A scene with the value of each of its uncertain keys below which a share of the key's probability lies. `place` says which
-    /// draw it is.
+    /// The scene with each uncertain key set to a quantile of its distribution; `shares` are the cumulative
+    /// probabilities. `place` names the draw in messages.
     ///
     /// # Errors
-    /// [`EnsembleError::Scene`] where a key can't have its value.
+    /// [`EnsembleError::Scene`] if a key can't have its value.
     pub fn new(scene: &Scene, shares: impl IntoIterator<Item = f64>, place: &str) -> Result<Self, EnsembleError> {
         let (mut values, mut changes, mut shift) = (Vec::new(), Vec::new(), Shift::default());
         let (proportional, mut factor) = (is_proportional(scene), 1.0);
@@ -60,9 +60,10 @@ impl Member {
     }
 }
 
-/// Whether the force is proportional to the shear modulus at a given Poisson's ratio, so that members that differ in it alone need no
-/// runs of their own: one material, nothing but strains decides what the instrument does, and no friction or opening contact. A run
-/// differs from that by less than a thousandth of the peak, since round-off changes how many steps a pose gets (docs/uncertainty.md).
+/// Whether the force is proportional to the shear modulus at a given Poisson's ratio. Then members that differ in it
+/// alone need no runs of their own. This holds for one material, without friction or separating contact, if the
+/// instrument's behaviour depends on strains alone. A separate run differs by less than a thousandth of the peak,
+/// because round-off changes the number of steps of a pose (docs/uncertainty.md).
 fn is_proportional(scene: &Scene) -> bool {
     let instrument = scene.instrument.is_none_or(|i| match i.kind {
         InstrumentKind::Needle(_) => !i.is_frictional(),
@@ -71,13 +72,14 @@ fn is_proportional(scene: &Scene) -> bool {
     scene.regions.is_empty() && scene.sample.base == Base::Bonded && instrument
 }
 
-/// The members of a scene: member k has the k-th point of the sequence, one coordinate for each key.
+/// The members of a scene: member k uses the k-th point of the sequence, one coordinate for each key.
 ///
 /// # Errors
-/// [`EnsembleError`] if nothing is uncertain, their number is out of range, or a draw is no value of its key.
+/// [`EnsembleError`] if no key is uncertain, the number of members is out of range, or a draw is not a valid value of
+/// its key.
 pub fn members(scene: &Scene, size: Size) -> Result<Vec<Member>, EnsembleError> {
     check(scene, size.members, scene.uncertainty.len())?;
-    // a scene's correlations were checked with it
+    // the correlations were checked with the scene
     let dependence = Dependence::of(&scene.uncertainty).ok();
     let of = |k: usize| {
         let independent = (0..scene.uncertainty.len()).map(|dimension| coordinate(k, dimension, size.seed)).collect();
@@ -90,7 +92,7 @@ pub fn members(scene: &Scene, size: Size) -> Result<Vec<Member>, EnsembleError> 
     (0..size.members).map(of).collect()
 }
 
-/// Whether a scene has something to draw, and so many points of so many dimensions can be.
+/// Checks that a scene has uncertain keys, and that the sequence has that many points and dimensions.
 ///
 /// # Errors
 /// [`EnsembleError::NoUncertainty`], [`EnsembleError::Keys`] or [`EnsembleError::Count`].

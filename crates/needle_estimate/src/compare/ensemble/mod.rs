@@ -1,12 +1,10 @@
-//! Many twins of one scene, each with other values of the keys that are not known for sure: the band in which the force lies.
+//! Ensembles: many twins of one scene with different values of the uncertain keys. They give the band of the force.
 //!
-//! Each member is a twin of its own with the values of one low-discrepancy point of `[uncertainty]`, and answers the same readings. So
-//! member k computes what a single run of its scene computes, to the last bit, whatever else runs beside it. Members that differ
-//! in nothing that the cloud depends on share it ([`Twin::sibling`](needle_core::twin::Twin::sibling)), and members that differ
-//! only in what the mechanics doesn't see share a run (`path`). Each runs on one thread; the threads that there are take runs
-//! one by one.
+//! Each member is a twin with the values of one low-discrepancy point of `[uncertainty]`, and answers the same
+//! readings. So member k computes the same bits as a single run of its scene, whatever else runs at the same time.
+//! Members that have the same cloud share it ([`Twin::sibling`](needle_core::twin::Twin::sibling)). Members with the
+//! same mechanics share a run (`path`). Each run uses one thread.
 
-mod answered;
 pub mod assimilate;
 mod band;
 mod crew;
@@ -17,7 +15,6 @@ mod path;
 pub mod points;
 mod together;
 
-pub use answered::Answered;
 pub use assimilate::{Assimilated, Assimilation};
 pub use band::{Band, Spread};
 pub use crew::Crew;
@@ -35,26 +32,27 @@ use needle_core::scene::{Scene, Uncertain};
 use needle_core::twin::Twin;
 use needle_recording::{MarkerSample, Reading};
 
-/// What an ensemble says of a run.
+/// Result of an ensemble for a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ensemble {
-    /// Members that were asked for.
+    /// Number of members that were requested.
     pub members: usize,
-    /// Members that came to an end; the others are left out of everything.
+    /// Number of members that completed their run. The others are left out of all results.
     pub used: usize,
-    /// Runs of a twin that they took.
+    /// Number of runs of a twin.
     pub runs: usize,
     /// Seed of the draws.
     pub seed: u64,
     /// Keys that were drawn.
     pub keys: Vec<Uncertain>,
-    /// Band of the force at each answer of the run; `None` where no member has an answer.
+    /// Band of the force at each answer of the run; `None` if no member has an answer.
     pub bands: Vec<Option<Band>>,
-    /// Depth at which [`Ensemble::targets`] are, the largest of the run, m.
+    /// Depth to which [`Ensemble::targets`] refer, the largest of the run, m.
     pub target_depth_m: f64,
-    /// Each target of the scene at that depth; empty where no member came there.
+    /// Each target of the scene at that depth; empty if no member reached it.
     pub targets: Vec<Spread>,
-    /// What was measured says, where something was: the answers that the load cell's readings belong to, and what came of them.
+    /// Data assimilation, if there were measurements: the answers that the load cell's readings belong to, and the
+    /// result.
     pub assimilated: Option<(Vec<usize>, Assimilated)>,
     /// Wall time of all members, building included, s.
     pub wall_s: f64,
@@ -68,7 +66,7 @@ impl Ensemble {
         (!widths.is_empty()).then(|| widths.iter().sum::<f64>() / widths.len() as f64)
     }
 
-    /// Share of a run's measured forces that lie in the band; `None` where none was measured.
+    /// Share of a run's measured forces inside the band; `None` without measured forces.
     #[must_use]
     pub fn share_inside(&self, run: &Run) -> Option<f64> {
         let both =
@@ -79,30 +77,30 @@ impl Ensemble {
     }
 }
 
-/// How many members, and the seed of their draws.
+/// Size of an ensemble, and the seed of its draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Members.
+    /// Number of members.
     pub members: usize,
     /// Seed.
     pub seed: u64,
 }
 
-/// What a finished run was driven by.
+/// The input of a finished run.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
-    /// All readings of the instrument's place.
+    /// All readings of the instrument's position.
     pub readings: &'a [Reading],
-    /// Those that its answers belong to ([`Answered`]).
+    /// Indices of the readings that were answered ([`super::Finished::answered`]).
     pub at: &'a [usize],
     /// Tracked points, in the order of time.
     pub sightings: &'a [MarkerSample],
-    /// The twin that they drove: members share its cloud, if it is theirs, and none is built for them.
+    /// The twin of that run. Members share its cloud if theirs is the same.
     pub twin: Option<&'a Twin>,
 }
 
-/// Runs [`members`] of a scene over the readings of a finished run and adds what they say to it. A member that comes to no end is left out,
-/// and the run's losses say so.
+/// Runs [`members`] of a scene over the readings of a finished run and adds the result to it. A member that does not
+/// complete its run is left out; the run's losses report it.
 ///
 /// # Errors
 /// [`EnsembleError::Threads`] if no thread can be started.
@@ -151,7 +149,7 @@ pub fn add(
     Ok(())
 }
 
-/// Assimilates what was measured while the tissue did not swing behind an instrument that has just let go.
+/// Assimilates the measurements, except while the tissue oscillates after it separated from the instrument.
 fn measured(
     run: &Run,
     members: &[Member],
@@ -171,7 +169,7 @@ fn measured(
     let (answers, observed): (Vec<usize>, Vec<Observed>) =
         rests.iter().copied().enumerate().filter_map(observed).unzip();
     let values: Vec<Vec<f64>> = used.iter().map(|(member, _)| member.values.clone()).collect();
-    // a run's time counts from the first reading that was answered
+    // the time of a run starts at the first reading that was answered
     let begin_s = at.first().and_then(|i| readings.get(*i)).map_or(0.0, |reading| reading.time_s);
     let seen = |(i, seen): (usize, &MarkerSample)| {
         let time_s = seen.time_s - begin_s;
@@ -185,7 +183,7 @@ fn measured(
 }
 
 impl Run {
-    /// Band of the force at an answer, where there are members.
+    /// Band of the force at an answer, if there is an ensemble.
     #[must_use]
     pub fn band(&self, answer: usize) -> Option<Band> {
         self.ensemble.as_ref()?.bands.get(answer).copied().flatten()

@@ -1,48 +1,47 @@
 //! The force along a member's run.
 //!
-//! Nothing of the mechanics changes with the load cell's zero and clock, so members that differ in these alone share a run, as do
-//! members with the same values (a design of sensitivity has many), and those that differ in a modulus to which the force is
-//! proportional.
+//! The load cell's zero and clock do not change the mechanics, so members that differ in these alone share a run. So
+//! do members with the same values (frequent in a design of a sensitivity analysis), and those that differ in a
+//! modulus to which the force is proportional.
 //!
 //! ```text
 //! F_k(t) = a_k F(d(t - tau_k) - c_k) + b_k      a: factor, c: contact depth, tau: time offset, b: zero
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{Answered, Crew, EnsembleError, Member, together};
-use crate::compare::{self, Answer, Collector, Keep, TargetRow, Watch};
+use super::{Crew, EnsembleError, Member, together};
+use crate::compare::{Cancel, Finished, Keep, Session, TargetRow};
 use needle_core::scene::Scene;
 use needle_core::twin::{Pose, Team, Twin};
 use needle_recording::{At, Reading};
 
-/// Why a run that somebody wanted to end has no path.
+/// The error of a run that was cancelled.
 pub(super) const INTERRUPTED: &str = "interrupted";
 
-/// What a member answers.
+/// The answers of a member.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MemberPath {
-    /// What the load cell should read at each reading, N, positive against the insertion; not a number where there is no answer.
+    /// Expected reading of the load cell at each reading, N, positive against the insertion; not a number without an
+    /// answer.
     pub force_n: Vec<f64>,
     /// Position of each target at the deepest reading, m.
     pub targets: Vec<[f64; 3]>,
-    /// The same at each of the times that were asked for; `None` before the first answer and after the last.
+    /// The same at each requested time; `None` before the first answer and after the last.
     pub tracked: Vec<Option<Vec<[f64; 3]>>>,
 }
 
 /// Paths of several members.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paths {
-    /// Each member's, or why it came to no end.
+    /// The result of each member, or the reason why its run did not complete.
     pub of_member: Vec<Result<MemberPath, String>>,
-    /// Runs of a twin that they took.
+    /// Number of runs of a twin.
     pub runs: usize,
 }
 
-/// Runs members over readings. Those of one cloud are stepped in teams where there are enough of them for the threads; a member has the
-/// bits of a twin of its own.
+/// Runs members over readings. Those with a common cloud are stepped as teams, if there are enough of them for the
+/// threads. The bits are the same as with a separate twin for each member.
 ///
 /// # Errors
 /// [`EnsembleError::Threads`].
@@ -50,7 +49,7 @@ pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Pa
     tracked_paths(members, readings, &[], crew)
 }
 
-/// The same with the targets at some times (s, on the readings' clock).
+/// The same with the targets at given times (s, on the readings' clock).
 ///
 /// # Errors
 /// [`EnsembleError::Threads`].
@@ -63,7 +62,7 @@ pub fn tracked_paths(
     paths_beside(members, readings, times_s, crew, None)
 }
 
-/// The same beside a twin whose cloud members share, if it is theirs.
+/// The same, with a twin whose cloud members share if theirs is the same.
 pub(super) fn paths_beside(
     members: &[Member],
     readings: &[Reading],
@@ -72,17 +71,17 @@ pub(super) fn paths_beside(
     twin: Option<&Twin>,
 ) -> Result<Paths, EnsembleError> {
     let (first, run_of) = distinct(members);
-    // members on one cloud share it; a first one that can't be built says so in its own run
+    // if the first member with a cloud can't be built, its own run reports that
     let build = |scene: &Scene| twin.and_then(|twin| twin.sibling(scene)).or_else(|| Twin::new(scene).ok());
     let cloud = if first.len() > 1 { build(&members[first[0]].scene) } else { None };
-    let course = Course { readings, times_s, stop: crew.stop.clone() };
+    let course = Course { readings, times_s, cancel: crew.cancel.clone() };
     let groups = together::groups(first.len(), crew.threads);
     let beside = cloud.as_ref().filter(|_| groups.iter().any(|g| g.len() > 1)).and_then(|c| Team::new(&[c], None));
     let of_group = |g: usize| {
         let members: Vec<&Member> = groups[g].iter().map(|k| &members[first[*k]]).collect();
         let found = together::run(&members, cloud.as_ref(), beside.as_ref(), &course);
         let found = found.unwrap_or_else(|| members.iter().map(|m| mechanics(m, cloud.as_ref(), &course)).collect());
-        // the crew tells of one
+        // a worker thread has reported one of these members as done
         (1..members.len()).for_each(|_| (crew.done)());
         found
     };
@@ -92,21 +91,21 @@ pub(super) fn paths_beside(
     Ok(Paths { of_member, runs: runs.len() })
 }
 
-/// What members are run over.
+/// The input of the members' runs.
 pub(super) struct Course<'a> {
     pub readings: &'a [Reading],
-    /// When the targets are wanted, s.
+    /// Times at which the targets are requested, s.
     pub times_s: &'a [f64],
-    pub stop: Option<Arc<AtomicBool>>,
+    pub cancel: Cancel,
 }
 
 impl Course<'_> {
-    /// Whether somebody wants the run to end.
+    /// Whether the run was cancelled.
     pub fn is_stopped(&self) -> bool {
-        self.stop.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+        self.cancel.is_cancelled()
     }
 
-    /// The path of a run, from its forces, the readings that it has answered, and the targets at each answer.
+    /// The path of a run, from its forces, the readings that it answered, and the targets at each answer.
     pub fn path(&self, force_n: Vec<f64>, at: &[usize], targets: &[TargetRow]) -> MemberPath {
         let deepest = targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
         let begin_s = at.first().map_or(0.0, |i| self.readings[*i].time_s);
@@ -118,7 +117,7 @@ impl Course<'_> {
     }
 }
 
-/// The first member of each mechanics, and which of these each member has.
+/// The first member with each distinct mechanics, and for each member the index of its own.
 #[must_use]
 pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
     let (mut numbers, mut first) = (BTreeMap::new(), Vec::new());
@@ -133,18 +132,16 @@ pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
     (first, run_of)
 }
 
-/// The run of a member's scene, the same as any run of it; on a twin's cloud, if that is its own.
+/// Runs a member's scene, on the given twin's cloud if that is the same. The result is that of any run of the scene.
 fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<MemberPath, String> {
-    let mut quiet = Quiet(course.stop.clone());
-    if quiet.stop() {
+    let mut cancel = course.cancel.clone();
+    if cancel.is_cancelled() {
         return Err(INTERRUPTED.to_owned());
     }
-    let (mut twin, build_s) = compare::build_beside(&member.scene, cloud).map_err(|error| error.to_string())?;
-    let collector = Collector::new(&twin, "ensemble", build_s, Keep::ANSWERS);
-    let mut answered = Answered::new(&mut quiet);
+    let session =
+        Session::sibling(&member.scene, cloud, "ensemble", Keep::ANSWERS).map_err(|error| error.to_string())?;
     let touched = course.readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
-    let run = compare::drive(&mut twin, touched, None, collector, &mut answered);
-    let at = answered.at;
+    let Finished { run, answered: at, .. } = session.run(touched, &mut cancel);
     if let Some(why) = run.diverged {
         return Err(why);
     }
@@ -152,10 +149,10 @@ fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<M
     for (i, answer) in at.iter().zip(&run.answers) {
         force_n[*i] = answer.predicted_n;
     }
-    if quiet.stop() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
+    if cancel.is_cancelled() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
 }
 
-/// Positions of the targets at a time of the run, linear between rows; `None` outside.
+/// Positions of the targets at a time of the run, interpolated linearly between rows; `None` outside.
 fn targets_at(rows: &[TargetRow], time_s: f64) -> Option<Vec<[f64; 3]>> {
     let next = rows.partition_point(|row| row.time_s < time_s);
     let after = rows.get(next)?;
@@ -167,12 +164,12 @@ fn targets_at(rows: &[TargetRow], time_s: f64) -> Option<Vec<[f64; 3]>> {
     Some(between(&before.positions, &after.positions, share))
 }
 
-/// Places on the straight way from some to others, a share of it on.
+/// Linear interpolation between two sets of positions at the fraction `share`.
 pub(super) fn between(from: &[[f64; 3]], to: &[[f64; 3]], share: f64) -> Vec<[f64; 3]> {
     from.iter().zip(to).map(|(a, b)| std::array::from_fn(|c| a[c] + share * (b[c] - a[c]))).collect()
 }
 
-/// A reading with the instrument further along its axis, m.
+/// A reading with the instrument advanced along its axis by a distance, m.
 pub(super) fn deeper(reading: &Reading, by_m: f64) -> Reading {
     let at = match reading.at {
         At::Depth(depth_m) => At::Depth(depth_m + by_m),
@@ -181,7 +178,7 @@ pub(super) fn deeper(reading: &Reading, by_m: f64) -> Reading {
     Reading { at, ..*reading }
 }
 
-/// What the load cell makes of a run.
+/// Applies the member's zero, clock and factor to a run: the expected readings of the load cell.
 fn recorded(member: &Member, readings: &[Reading], run: &MemberPath) -> MemberPath {
     let (tau, zero) = (member.shift.time_offset_s, member.shift.force_zero_n);
     let late =
@@ -193,7 +190,7 @@ fn recorded(member: &Member, readings: &[Reading], run: &MemberPath) -> MemberPa
     }
 }
 
-/// Force at a time, linear between readings, as at the first before it and as at the last after it.
+/// Force at a time, interpolated linearly between readings and constant outside.
 fn at(readings: &[Reading], force_n: &[f64], time_s: f64) -> f64 {
     let after = readings.partition_point(|reading| reading.time_s < time_s);
     let (Some(next), Some(before)) = (readings.get(after), after.checked_sub(1)) else {
@@ -201,19 +198,4 @@ fn at(readings: &[Reading], force_n: &[f64], time_s: f64) -> f64 {
     };
     let share = (time_s - readings[before].time_s) / (next.time_s - readings[before].time_s);
     force_n[before] + share * (force_n[after] - force_n[before])
-}
-
-/// Says nothing, and ends when it is told to.
-struct Quiet(Option<Arc<AtomicBool>>);
-
-impl Watch for Quiet {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        self.0.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
-    }
-
-    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
-        self.0.clone()
-    }
 }

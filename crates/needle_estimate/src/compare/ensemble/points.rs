@@ -1,6 +1,8 @@
-//! Points of a low-discrepancy sequence: Sobol's, with Owen's scrambling by hashing (B. Burley, J. Comput. Graph. Tech. 9(4), 2020).
+//! Points of a low-discrepancy sequence: Sobol's, with Owen's scrambling by hashing (B. Burley, J. Comput. Graph.
+//! Tech. 9(4), 2020).
 //!
-//! Any first 2^m of them fill the unit cube more evenly than random ones, so that fewer members tell mean and quantiles.
+//! The first 2^m points fill the unit cube more evenly than random ones, so that mean and quantiles need fewer
+//! members.
 
 /// Most points of a sequence.
 pub const MOST: usize = 1 << 16;
@@ -10,7 +12,7 @@ pub const DIMENSIONS: usize = 256;
 
 /// Coordinate `dimension` of point `index`, in (0, 1).
 #[must_use]
-#[allow(clippy::cast_possible_truncation)] // index and dimension are checked to be small, and the seed is folded
+#[allow(clippy::cast_possible_truncation)] // index and dimension are checked to be small; the seed is truncated
 pub fn coordinate(index: usize, dimension: usize, seed: u64) -> f64 {
     let seed = (seed ^ (seed >> 32)) as u32;
     // multiples of 2^-24 from 0 on; the middle of each such interval is neither 0 nor 1

@@ -1,7 +1,7 @@
-//! Members that are stepped together ([`Team`]).
+//! Members that are stepped as a team ([`Team`]).
 //!
-//! A member has the same bits in a team and alone, so which go together is a matter of time only. A team takes one thread, and costs about
-//! as much as [`FEWEST`] members with a twin each, however many it has.
+//! A member has the same bits in a team as alone, so the grouping affects only the time. A team uses one thread. It
+//! costs about as much as [`FEWEST`] members with a twin each, whatever its size.
 
 use super::Member;
 use super::live::against;
@@ -9,10 +9,10 @@ use super::path::{Course, INTERRUPTED, MemberPath, deeper};
 use crate::compare::{self, TargetRow, stamped};
 use needle_core::twin::{Halt, Places, Prediction, StampedPose, Team, Twin};
 
-/// Fewest members that are worth a team.
+/// Smallest number of members for which a team is faster.
 const FEWEST: usize = 5;
-/// Which runs go together: numbers 0, 1, ... in groups, each in order. Teams are full, unless threads would be left with nothing to do; what
-/// is too few for a team goes alone.
+/// Groups the runs 0, 1, ..., each group in order. Teams are filled completely, unless threads would be idle. Groups
+/// too small for a team run separately.
 pub(super) fn groups(runs: usize, threads: usize) -> Vec<Vec<usize>> {
     let all: Vec<usize> = (0..runs).collect();
     let most = runs.div_ceil(threads.max(1)).clamp(1, Team::MOST);
@@ -21,7 +21,7 @@ pub(super) fn groups(runs: usize, threads: usize) -> Vec<Vec<usize>> {
     all.chunks(most).flat_map(worth).collect()
 }
 
-/// Runs of members in one team; `None` where they can't be one.
+/// Runs members as one team; `None` if they can't form one.
 pub(super) fn run(
     members: &[&Member],
     cloud: Option<&Twin>,
@@ -35,9 +35,7 @@ pub(super) fn run(
     let mut twins: Vec<Twin> = members.iter().map(build).collect::<Option<_>>()?;
     let mut team = Team::new(&twins.iter().collect::<Vec<_>>(), beside)?;
     let mut runs: Vec<Run> = members.iter().map(|_| Run::new(course.readings.len())).collect();
-    if let Some(flag) = &course.stop {
-        twins.iter_mut().for_each(|twin| twin.stop_on(flag.clone()));
-    }
+    twins.iter_mut().for_each(|twin| twin.stop_on(course.cancel.flag()));
     for (i, reading) in course.readings.iter().enumerate() {
         if course.is_stopped() {
             break;
@@ -57,15 +55,15 @@ pub(super) fn run(
     Some(runs.into_iter().map(|run| run.end(course)).collect())
 }
 
-/// What is kept of a member's run.
+/// State of a member's run.
 struct Run {
     force_n: Vec<f64>,
-    /// Readings that were answered.
+    /// Indices of the readings that were answered.
     at: Vec<usize>,
     targets: Vec<TargetRow>,
     /// Time of the first answer, s.
     begin_s: Option<f64>,
-    /// Why it came to no end.
+    /// Why the run did not complete.
     lost: Option<String>,
 }
 
@@ -74,7 +72,7 @@ impl Run {
         Self { force_n: vec![f64::NAN; readings], at: Vec::new(), targets: Vec::new(), begin_s: None, lost: None }
     }
 
-    /// Takes the answer to a reading, as [`compare::drive`] does.
+    /// Takes the answer to a reading, as [`super::super::Session::run`] does.
     fn take(&mut self, reading: usize, twin: &Twin, pose: &StampedPose, answer: Result<Prediction, Halt>) {
         match answer {
             Ok(answer) if answer.force_n.iter().all(|f| f.is_finite()) => {
@@ -109,12 +107,12 @@ impl Run {
 /// A team of live members.
 pub(super) struct Together {
     pub team: Team,
-    /// Which twin stands at each place.
+    /// Index of the twin at each place.
     pub places: Vec<usize>,
 }
 
 impl Together {
-    /// Teams of all twins that can be in one.
+    /// Groups all twins that can form a team.
     pub fn all_of(twins: &[(Option<Twin>, f64)]) -> Vec<Self> {
         let mut teams: Vec<Self> = Vec::new();
         let mut left: Vec<usize> = (0..twins.len()).filter(|k| twins[*k].0.is_some()).collect();

@@ -1,12 +1,12 @@
-//! Directions of the unknowns of which readings have said something.
+//! Subspace of the unknowns that readings have observed.
 //!
-//! A hundred members differ in a few keys, so that their forces lie in a few directions: all else is known as well as before the first reading, and
-//! nothing has to be computed for it. Directions q are orthonormal; a row a is along a' q, and what is left of it is a direction of its own where it is
-//! more than a share of the noise.
+//! A hundred members differ in a few keys, so that their forces span only a few directions. Outside that subspace the
+//! unknowns keep their prior, and nothing has to be computed. The directions q are orthonormal. A row a has the
+//! components a' q. Its residual is added as a new direction if it is larger than a share of the noise.
 
 use nalgebra::DVector;
 
-/// Share of the noise below which what is left of a row is none.
+/// Share of the noise below which the residual of a row is neglected.
 const SEEN: f64 = 0.01;
 
 /// See the module.
@@ -14,7 +14,7 @@ const SEEN: f64 = 0.01;
 pub(super) struct Basis(Vec<DVector<f64>>);
 
 impl Basis {
-    /// A row along the directions, and what is left of it.
+    /// Components of a row along the directions, and the residual.
     pub fn of(&self, row: &[f64]) -> (Vec<f64>, DVector<f64>) {
         let mut left = DVector::from_row_slice(row);
         let along = self.0.iter().map(|q| {
@@ -25,19 +25,19 @@ impl Basis {
         (along.collect(), left)
     }
 
-    /// Takes the direction of a row, if it has one of its own; whether it has.
+    /// Adds the direction of a row, if its residual is not negligible. Returns whether it was added.
     pub fn grow(&mut self, row: &[f64], noise: f64) -> bool {
         let (_, left) = self.of(row);
         let grows = left.norm() > SEEN * noise && self.0.len() < row.len();
         if grows {
-            // once more, since what was left of nearly the whole is not orthogonal to it
+            // orthogonalise twice: a residual that is small relative to the row is not orthogonal after one pass
             let (_, left) = self.of(left.as_slice());
             self.0.push(left.normalize());
         }
         grows
     }
 
-    /// The vector that is along the directions by so much, added to another.
+    /// Adds the vector with these components to another.
     pub fn add(&self, along: &[f64], to: &mut DVector<f64>) {
         self.0.iter().zip(along).for_each(|(q, along)| to.axpy(*along, q, 1.0));
     }

@@ -1,4 +1,4 @@
-//! What readings say of the unknowns: the posterior over all candidates of how the model is wrong.
+//! Posterior of the unknowns, averaged over all candidates of the model error.
 //!
 //! ```text
 //! P_j = P + G_j,   C_j = P_j^-1,   m_j = C_j (b + b_j)                candidate j of a channel (process.rs)
@@ -6,13 +6,16 @@
 //! m = sum_j p_j m_j,   C = sum_j p_j (C_j + (m_j - m)(m_j - m)')      unknowns: mean m, covariance C
 //! ```
 //!
-//! P is the identity before the first reading, but for the size of the force, and b is 0. Each p_j is how likely all readings are with that candidate,
-//! the unknowns integrated out (Rasmussen and Williams, Gaussian Processes, 2006, section 2.7), so the size and the time of errors come from all readings
-//! at once: when errors turn out larger than they had seemed, what was learnt before counts for less, too. With one channel this is exact. With more, P
-//! and b hold the means of G_j and b_j of the others, and C what their m_j differ by, too.
-//! No candidate is larger than the largest force so far: it would be the same for all sizes, an error in proportion to the force, and so a modulus.
-//! Candidates lie a factor of four apart in both, from a sensor's least noise up: no error that a blocks' mean can show lies between two of them, so a
-//! finer grid gives the same.
+//! A priori P is the identity, except for the element of the force's size, and b is 0. Each p_j is the marginal
+//! likelihood of all readings for that candidate, with the unknowns integrated out (Rasmussen and Williams, Gaussian
+//! Processes, 2006, section 2.7). So the size and the time constant of the error are estimated from all readings at
+//! once. When errors turn out larger than before, earlier readings lose weight too. With one channel this is exact.
+//! With several channels, P and b contain the means of G_j and b_j of the other channels, and C contains the
+//! differences between their m_j.
+//!
+//! No candidate is larger than the largest force so far. An error of that size would be proportional to the force and
+//! so be equivalent to a modulus. Candidates are spaced by a factor of four in size and in time, starting from the
+//! sensor's least noise. A finer grid gives the same result, because block means can't resolve errors in between.
 
 use std::array::from_fn;
 use std::sync::OnceLock;
@@ -20,40 +23,40 @@ use std::sync::OnceLock;
 use mtled::number::lanes::{Loop, run};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::batched_matrix::{at, mean};
 use super::process::{Block, Posterior, Processes};
-use super::side::{at, mean};
 
-/// How far apart sizes and times of errors are.
+/// Ratio of neighbouring sizes and times of the candidates.
 const STEP: f64 = 4.0;
 /// Number of sizes, from the least noise on: seven powers of ten.
 const SIZES: i32 = 12;
 /// Number of times, from one block on.
 const TIMES: i32 = 5;
-/// A candidate less likely than this says nothing that is seen in double precision.
+/// A candidate with a smaller weight has no effect in double precision.
 const LEAST_WEIGHT: f64 = 1e-9;
 
 /// Candidates of one channel.
 #[derive(Clone, Debug)]
 struct Errors<const N: usize> {
     candidates: Processes<N>,
-    /// The smallest size that is not none.
+    /// The smallest non-zero size.
     least: f64,
-    /// p_j; 0 of one that is too unlikely, whose m_j and C_j say nothing.
+    /// p_j; 0 for a candidate that is too unlikely. Its m_j and C_j are not used.
     weight: [f64; N],
     m: Vec<[f64; N]>,
     c: Vec<[f64; N]>,
     /// Means of G and b.
     g: DMatrix<f64>,
     b: DVector<f64>,
-    /// What the means differ by.
+    /// Covariance of the m_j.
     spread: DMatrix<f64>,
     /// Number of the last block.
     last: f64,
-    /// Largest force when it was learnt last, N.
+    /// Largest force at the last update, N.
     largest: f64,
 }
 
-/// All sizes and times, and the right model.
+/// All sizes and times, and the candidate without error.
 type All = Errors<{ 1 + (SIZES * TIMES) as usize }>;
 
 impl<const N: usize> Errors<N> {
@@ -96,18 +99,19 @@ impl<const N: usize> Errors<N> {
         self.last = number;
     }
 
-    /// The largest error that is looked for at a force.
+    /// The largest error that is considered at a force.
     fn bound(&self, largest: f64) -> f64 {
         largest.max(self.least)
     }
 
-    /// Whether there are more of them at a larger force.
+    /// Whether a larger force admits further candidates.
     fn widens(&self, largest: f64) -> bool {
         let (before, now) = (self.bound(self.largest), self.bound(largest));
         self.candidates.size.iter().any(|size| before < *size && *size <= now)
     }
 
-    /// The module's formulas, with P and b; mean and covariance of the unknowns. `None`, and nothing is learnt, where double precision can't tell.
+    /// Evaluates the module's formulas with P and b. Returns mean and covariance of the unknowns; `None`, without an
+    /// update, if double precision does not suffice.
     #[inline(always)]
     fn learn(&mut self, largest: f64, p: &DMatrix<f64>, b: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         self.largest = largest;
@@ -137,7 +141,7 @@ impl<const N: usize> Errors<N> {
     }
 }
 
-/// [`Errors::learn`], with what comes of it.
+/// [`Errors::learn`] and its result.
 struct Learn<'a>(&'a mut All, f64, &'a DMatrix<f64>, &'a DVector<f64>, &'a mut Option<(DVector<f64>, DMatrix<f64>)>);
 
 impl Loop for Learn<'_> {
@@ -148,7 +152,7 @@ impl Loop for Learn<'_> {
     }
 }
 
-/// How far off a block of this number is.
+/// Computes the deviation of a block with this number.
 struct Judge<'a>(&'a All, f64, &'a Block, &'a mut Off);
 
 impl Loop for Judge<'_> {
@@ -182,14 +186,14 @@ fn symmetric(n: usize, of: impl Fn(usize, usize) -> f64) -> DMatrix<f64> {
     all
 }
 
-/// One unknown more, of variance 1.
+/// Adds an unknown with variance 1.
 fn add_one(covariance: &mut DMatrix<f64>) {
     let n = covariance.nrows();
     covariance.resize_mut(n + 1, n + 1, 0.0);
     covariance[(n, n)] = 1.0;
 }
 
-/// How far off a reading is, and how far it may be.
+/// Deviation of a reading from its expectation: mean and variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Off {
     pub mean: f64,
@@ -197,7 +201,7 @@ pub(super) struct Off {
 }
 
 impl Off {
-    /// Distance in standard deviations, those of a further variance included.
+    /// Deviation in standard deviations, with a further variance added.
     pub fn deviations(&self, more: f64) -> f64 {
         self.mean.abs() / (self.variance + more).sqrt()
     }
@@ -208,21 +212,21 @@ impl Off {
 pub(super) struct Known {
     pub m: DVector<f64>,
     pub c: DMatrix<f64>,
-    /// The symmetric root of C, once it has been asked for.
+    /// The symmetric square root of C, computed at the first use.
     root: OnceLock<DMatrix<f64>>,
     errors: Vec<All>,
-    /// The largest force that was expected, N, and what the unknowns add to it.
+    /// The largest expected force, N, and the effects of the unknowns on it.
     largest: (f64, DVector<f64>),
 }
 
 impl Known {
-    /// Nothing, of the size of the force alone.
+    /// The prior, with the size of the force as the only unknown.
     pub fn new() -> Self {
         let (none, one) = (DVector::zeros(1), DMatrix::identity(1, 1));
         Self { m: none.clone(), c: one, root: OnceLock::new(), errors: Vec::new(), largest: (0.0, none) }
     }
 
-    /// One unknown more, of which nothing is known.
+    /// Adds an unknown with its prior.
     pub fn grow(&mut self) {
         let n = self.m.len() + 1;
         [&mut self.m, &mut self.largest.1].into_iter().for_each(|vector| vector.resize_vertically_mut(n, 0.0));
@@ -231,7 +235,7 @@ impl Known {
         self.errors.iter_mut().for_each(All::grow);
     }
 
-    /// The symmetric root of C.
+    /// The symmetric square root of C.
     pub fn root(&self) -> &DMatrix<f64> {
         self.root.get_or_init(|| {
             let eigen = SymmetricEigen::new(self.c.clone());
@@ -240,15 +244,16 @@ impl Known {
         })
     }
 
-    /// Notes the force that was expected of a block.
+    /// Notes the expected force of a block, for the largest one.
     pub fn measure(&mut self, force_n: f64, block: &Block) {
         if force_n.abs() > self.largest.0.abs() {
             self.largest = (force_n, DVector::from_column_slice(&block.row[1..]));
         }
     }
 
-    /// Standard deviation of the first unknown, the size of the force: its effect is that of the expected force, but what is uncertain is a share of
-    /// the force as it has come out.
+    /// Prior standard deviation of the first unknown, the size of the force. Its effect is the expected force, but
+    /// the uncertainty is relative to the updated force. So this is the ratio of the updated to the expected force at
+    /// the largest force.
     fn size(&self) -> f64 {
         let (force_n, row) = &self.largest;
         if *force_n == 0.0 { 1.0 } else { (1.0 + row.dot(&self.m) / force_n).abs().clamp(1e-3, 1e3) }
@@ -259,20 +264,21 @@ impl Known {
         self.errors.push(All::new(self.m.len(), least, &self.m, &self.c));
     }
 
-    /// How far off a block of a number, or a reading in it, is.
+    /// Deviation of a block, or of a reading in it.
     pub fn off(&self, channel: usize, number: f64, block: &Block) -> Off {
         let mut off = Off { mean: 0.0, variance: 0.0 };
         run(Judge(&self.errors[channel], number, block, &mut off));
         off
     }
 
-    /// Mean square of what the model is off by in the block after the last, without noise and what is not known of the unknowns.
+    /// Mean square of the model error in the block after the last, without the noise and the uncertainty of the
+    /// unknowns.
     pub fn error(&self, channel: usize, largest: f64) -> f64 {
         let errors = &self.errors[channel];
         mean(&errors.weight, &errors.candidates.error(1.0, largest, &errors.m))
     }
 
-    /// Takes in a block.
+    /// Updates with a block.
     pub fn take(&mut self, channel: usize, number: f64, block: &Block) {
         let errors = &mut self.errors[channel];
         errors.advance(number);
@@ -280,13 +286,13 @@ impl Known {
         self.learn(channel, block.largest);
     }
 
-    /// Takes a block that is more than `far` standard deviations off for the beginning of another error. It counts as one that is just as far off as
-    /// that, so that it moves nothing more however far it is.
+    /// Treats a block that is more than `far` standard deviations off as the start of another model error. Its
+    /// deviation is clipped to `far`, so that outliers have a bounded effect.
     pub fn pass(&mut self, channel: usize, number: f64, block: &Block, far: f64) {
         let most = far * self.off(channel, number, block).variance.sqrt();
         let errors = &mut self.errors[channel];
         errors.advance(number);
-        // to one that is too unlikely, the unknowns are what they are to all
+        // candidates that are too unlikely use the mean posterior
         let all = self.m.iter().copied().chain(triangle(&self.c));
         for (each, all) in errors.m.iter_mut().chain(&mut errors.c).zip(all) {
             each.iter_mut().zip(&errors.weight).for_each(|(x, weight)| *x = if *weight > 0.0 { *x } else { all });
@@ -296,14 +302,14 @@ impl Known {
         self.learn(channel, block.largest);
     }
 
-    /// The same readings, seen with errors as large as the force has become.
+    /// Repeats the update with the candidates that a larger force admits.
     pub fn widen(&mut self, channel: usize, largest: f64) {
         if self.errors[channel].widens(largest) {
             self.learn(channel, largest);
         }
     }
 
-    /// What is known after a block of a channel.
+    /// Updates the posterior after a block of a channel.
     fn learn(&mut self, channel: usize, largest: f64) {
         let n = self.m.len();
         let (mut p, mut b) = (DMatrix::identity(n, n), DVector::zeros(n));

@@ -1,21 +1,25 @@
-//! What readings say of unknown values, while they come: Bayesian linear regression with errors of the model that are learnt as well.
+//! Sequential Bayesian linear regression of unknown parameters, with a model error that is estimated too.
 //!
-//! A reading y is what was expected, plus a row a of effects of unknowns w, each of which is normal with mean 0 and variance 1 before the first reading,
-//! plus the error of the model, plus noise. Members of an ensemble are such unknowns (`ensemble::assimilate`), and so are a modulus and a zero
-//! (`identifier`). What w is afterwards stands in `known`, how the error is learnt in `process`, noise in `noise`. One unknown is added: the size of
-//! the twin's own force, [`FORCE_ERROR`].
+//! A reading y is the expected value, plus a row a of effects of the unknowns w, plus the error of the model, plus
+//! noise. A priori each w is normal with mean 0 and variance 1. The weights of an ensemble's members are such
+//! unknowns (`ensemble::assimilate`), and so are a modulus and an offset (`identifier`). The posterior of w is in
+//! `known`, the model error in `process`, and the noise in `noise`. One unknown is added: the size of the twin's own
+//! force, [`FORCE_ERROR`].
 //!
-//! Readings come in blocks of [`BLOCK_S`]. A block farther off than three standard deviations is **rejected**: it says nothing of the unknowns. Where
-//! what was known half a second to a second before can't explain a load cell for two blocks, either, its own force error allowed for, there is **trouble**:
-//! the unknowns are again what they were then, and the load cell moves them no more until it has been explained for ten.
-//! Forecasts go on with all readings.
+//! Readings are averaged in blocks of [`BLOCK_S`]. A block that deviates by more than three standard deviations is
+//! **rejected**: it does not update the unknowns.
+//!
+//! **Trouble**: the state is saved every half a second. The older saved state, of half a second to a second ago, is
+//! checked with its own force error included. If it does not explain two blocks of the load cell, the unknowns are
+//! reset to it. The load cell then updates them again only after ten blocks that this state explains. Forecasts
+//! continue to use all readings.
 
 mod basis;
+mod batched_matrix;
 mod known;
 mod noise;
 mod process;
 mod reading;
-mod side;
 mod swing;
 
 use nalgebra::DVector;
@@ -29,60 +33,62 @@ pub use reading::Reading;
 use reading::Readings;
 pub use swing::Swing;
 
-/// Length of a block, s: how far ahead a reading is forecast.
+/// Length of a block, s; also the forecast horizon.
 pub const BLOCK_S: f64 = 0.05;
-/// A block farther off than this, in standard deviations, is not explained.
+/// A block that deviates by more than this, in standard deviations, is not explained.
 const FAR: f64 = 3.0;
-/// Blocks that are not explained by what was known before, until there is trouble; and explained, within half of [`FAR`], until it is over.
+/// Consecutive blocks that the saved state does not explain, until trouble begins; and explained ones, within half of
+/// [`FAR`], until it ends.
 const PERSISTENT: usize = 2;
 const RIGHT: usize = 10;
-/// Blocks from one saved state to the next; trouble goes back to the last but one. A longer pause forgets the readings before it.
+/// Blocks between two saved states; trouble resets to the older of two. After a longer pause the readings before it
+/// are discarded.
 const ASIDE: f64 = 10.0;
 
-/// How far off the expectation a reading will be, and how far about that.
+/// Expected deviation of a reading, and its variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
     /// Mean.
     pub off: f64,
-    /// Of a reading about it.
+    /// Variance of a reading about the mean.
     pub variance: f64,
 }
 
-/// A sensor's number, whose readings come in blocks.
+/// A sensor, whose readings are averaged in blocks.
 #[derive(Clone, Debug)]
 struct Channel {
     noise: Noise,
-    /// What it is known to be, of a reading.
+    /// Standard deviation of a reading.
     of_one: f64,
     /// Largest expected force so far.
     largest: f64,
-    /// Readings of the block that is not over yet, and its number.
+    /// Readings of the current block, and its number.
     block: Readings,
     number: f64,
-    /// Number of the block before, and the time of the first reading.
+    /// Number of the last completed block, and the time of the first reading.
     last: f64,
     first_s: Option<f64>,
     tally: Tally,
 }
 
-/// Blocks of a channel.
+/// Block counts of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Blocks that were seen.
+    /// Blocks that were completed.
     pub blocks: usize,
-    /// How many of them moved nothing.
+    /// Number of these that did not update the unknowns.
     pub rejected: usize,
-    /// Whether the last one did not.
+    /// Whether the last block did not update the unknowns.
     pub rejects: bool,
 }
 
-/// The load cell is not explained.
+/// The state while the load cell is not explained.
 #[derive(Clone, Debug)]
 struct Trouble {
     kept: Known,
-    /// The residual by what was kept, in the last block.
+    /// Residual of the last block with respect to the kept state.
     now: f64,
-    /// What it was when it was noticed, and whether it came from one block to the next.
+    /// Residual when trouble began, and whether it changed from one block to the next.
     residual: f64,
     sudden: bool,
     right: usize,
@@ -94,11 +100,12 @@ pub struct Learner {
     basis: Basis,
     now: Known,
     channels: Vec<Channel>,
-    /// What was known before, the newer first, and the number of the block of that.
+    /// Earlier states, the newer first, and the block number of the newer.
     saved: [Option<Known>; 2],
     saved_at: f64,
     trouble: Option<Trouble>,
-    /// Blocks of the load cell that what was saved has not explained, one after the other, and whether the first was rejected.
+    /// Number of consecutive blocks of the load cell that the saved state does not explain, and whether the first was
+    /// rejected.
     wrong: usize,
     sudden: bool,
 }
@@ -109,7 +116,7 @@ fn block_of(since_s: f64) -> f64 {
 }
 
 impl Default for Learner {
-    /// Nothing is known yet.
+    /// The prior.
     fn default() -> Self {
         Self {
             basis: Basis::default(),
@@ -125,7 +132,7 @@ impl Default for Learner {
 }
 
 impl Learner {
-    /// Adds a sensor with at least this noise; its number. Trouble is that of the first.
+    /// Adds a sensor with at least this noise, and returns its number. Only the first sensor can cause trouble.
     pub fn add(&mut self, least_noise: f64) -> usize {
         self.now.add(least_noise);
         self.saved.iter_mut().flatten().for_each(|known| known.add(least_noise));
@@ -143,7 +150,8 @@ impl Learner {
         self.channels.len() - 1
     }
 
-    /// Takes a reading, no earlier than the one before. Whether it comes in the block after the last one that was seen, or in the same.
+    /// Takes a reading, no earlier than the last one. Returns whether it belongs to the same block as the last one,
+    /// or to the next.
     pub fn take(&mut self, channel: usize, time_s: f64, reading: Reading<impl AsRef<[f64]>>) -> bool {
         self.begin(channel, time_s);
         let own = &mut self.channels[channel];
@@ -152,14 +160,15 @@ impl Learner {
         own.number - own.last <= 1.0
     }
 
-    /// The same, with what was expected of it from what had been measured up to one block before; `None` in the first block and after a gap.
+    /// The same. Returns its forecast from the measurements up to one block before; `None` in the first block and
+    /// after a gap.
     pub fn take_expected(&mut self, channel: usize, time_s: f64, reading: Reading) -> Option<Expected> {
         self.begin(channel, time_s);
         let expected = self.expect(channel, self.channels[channel].number, &reading);
         self.take(channel, time_s, reading).then_some(expected)
     }
 
-    /// Ends the block before that of a reading.
+    /// Ends the current block if a reading belongs to a later one.
     fn begin(&mut self, channel: usize, time_s: f64) {
         let first_s = *self.channels[channel].first_s.get_or_insert(time_s);
         let number = block_of(time_s - first_s);
@@ -169,7 +178,7 @@ impl Learner {
         }
     }
 
-    /// The reading of a time that has not been measured yet.
+    /// Forecast of a reading at a future time.
     #[must_use]
     pub fn expected(&self, channel: usize, time_s: f64, reading: &Reading) -> Expected {
         let own = &self.channels[channel];
@@ -187,7 +196,7 @@ impl Learner {
         Expected { off: reading.off - mean, variance }
     }
 
-    /// Ends the blocks that have been begun.
+    /// Ends the blocks that are incomplete.
     pub fn close_all(&mut self) {
         (0..self.channels.len()).for_each(|channel| self.close(channel));
     }
@@ -241,7 +250,8 @@ impl Learner {
         tally.rejected += usize::from(tally.rejects);
     }
 
-    /// Whether what was known before explains a block of the load cell, with an error of the force of this standard deviation.
+    /// Checks whether the saved state explains a block of the load cell, with a force error of this standard
+    /// deviation. Begins and ends trouble.
     fn watch(&mut self, number: f64, block: &Block, force_error: f64, far: bool) {
         let more = force_error * force_error;
         if let Some(trouble) = &mut self.trouble {
@@ -287,7 +297,8 @@ impl Learner {
         self.saved_at = number;
     }
 
-    /// Takes note that the load cell is at fault: what it taught last is forgotten, and it teaches nothing until it has been explained for a while.
+    /// Reports a fault of the load cell. Its recent updates are discarded, and it does not update the unknowns until
+    /// it has been explained for a while.
     pub fn fault(&mut self) {
         match &mut self.trouble {
             Some(trouble) => trouble.right = 0,
@@ -298,18 +309,18 @@ impl Learner {
         }
     }
 
-    /// What the residual was when there was trouble, and whether it came from one block to the next; `None` without trouble.
+    /// Residual when trouble began, and whether it changed from one block to the next; `None` without trouble.
     #[must_use]
     pub fn trouble(&self) -> Option<(f64, bool)> {
         self.trouble.as_ref().map(|trouble| (trouble.residual, trouble.sudden))
     }
 
-    /// What the unknowns are known to be by all that is believed.
+    /// The current posterior; during trouble, the kept state.
     fn believed(&self) -> &Known {
         self.trouble.as_ref().map_or(&self.now, |trouble| &trouble.kept)
     }
 
-    /// Mean and variance of a number on which each unknown has this effect.
+    /// Mean and variance of a quantity on which the unknowns have these effects.
     #[must_use]
     pub fn state(&self, row: &[f64]) -> (f64, f64) {
         let known = self.believed();
@@ -318,7 +329,7 @@ impl Learner {
         (a.dot(&known.m.rows(1, n)), a.dot(&(known.c.view((1, 1), (n, n)) * &a)) + left.norm_squared())
     }
 
-    /// Effects of unknowns that are independent and of variance 1 again.
+    /// Transforms the effects to unknowns that are again independent with variance 1.
     #[must_use]
     pub fn narrowed(&self, row: &[f64]) -> Vec<f64> {
         let (along, mut effects) = self.basis.of(row);
@@ -328,7 +339,7 @@ impl Learner {
         effects.iter().copied().collect()
     }
 
-    /// Standard deviation of what a reading is off by beyond what is not known of the unknowns.
+    /// Standard deviation of the error of a reading, without the uncertainty of the unknowns.
     #[must_use]
     pub fn error(&self, channel: usize) -> f64 {
         let own = &self.channels[channel];
@@ -336,13 +347,13 @@ impl Learner {
         (own.of_one.powi(2) + self.now.error(channel, own.largest).max(unexplained * unexplained)).sqrt()
     }
 
-    /// Noise of a reading, standard deviation.
+    /// Standard deviation of the noise of a reading.
     #[must_use]
     pub fn noise(&self, channel: usize) -> f64 {
         self.channels[channel].of_one
     }
 
-    /// Blocks of a channel.
+    /// Block counts of a channel.
     #[must_use]
     pub fn tally(&self, channel: usize) -> Tally {
         self.channels[channel].tally

@@ -1,26 +1,26 @@
-//! Noise of a sensor's readings, and of the mean of a block of them: what second differences show, which hold little else.
+//! Noise of a sensor's readings, and of block means, from second differences. These contain little of the signal.
 //!
 //! ```text
-//! sigma^2 = median(|r_i - 2 r_(i-l) + r_(i-2l)|)^2 / (6 * 0.6745^2),   r: reading less what the model says
+//! sigma^2 = median(|r_i - 2 r_(i-l) + r_(i-2l)|)^2 / (6 * 0.6745^2),   r: reading minus the model's prediction
 //! ```
 //!
-//! l is half a block, so that neighbours that are not independent (a filter, an interpolation) don't hide it. The same of blocks' means says what is left of the
-//! noise in these.
+//! l is half a block, so that correlated neighbours (a filter, an interpolation) don't hide the noise. The same
+//! formula applied to the block means gives the noise that remains in these.
 
-/// Second differences of the latest readings, or blocks, that the noise is taken from.
+/// Number of latest second differences, of readings or blocks, from which the noise is estimated.
 const SEEN: usize = 1000;
-/// Fewest second differences that tell it: nothing is taken in before.
+/// Fewest second differences for an estimate; before it, no block is used.
 const FEWEST_SEEN: usize = 3;
-/// Fewest second differences of blocks' means: a median of fewer is off by half.
+/// Fewest second differences of block means: a median of fewer has an error of about a half.
 const FEWEST_BLOCKS: usize = 8;
 
-/// Sizes of the latest second differences over sqrt(6), as bits, which are in the same order.
+/// Magnitudes of the latest second differences over sqrt(6), as bits; the order of the bits is that of the numbers.
 #[derive(Clone, Debug, Default)]
 struct Differences {
     latest: Vec<u64>,
-    /// Where the oldest of them stands, once there are enough.
+    /// Index of the oldest, once the buffer is full.
     oldest: usize,
-    /// Those about the median, in order: all from the first of these bounds to the second.
+    /// The magnitudes around the median, sorted: all between these bounds.
     middle: Vec<u64>,
     bounds: [u64; 2],
     /// How many are smaller.
@@ -46,14 +46,15 @@ impl Differences {
         }
     }
 
-    /// Where a size belongs in the middle, if it does.
+    /// Position of a magnitude in the middle part, if it belongs there.
     fn place(&self, size: u64) -> Option<usize> {
-        // one comparison: whether a size is below the middle is a toss, and a processor that guesses wrong loses more time than all else takes
+        // A single comparison: whether a magnitude is below the middle is random, and mispredicted branches would
+        // dominate the cost.
         let inside = size.wrapping_sub(self.bounds[0]) <= self.bounds[1] - self.bounds[0];
         inside.then(|| self.middle.partition_point(|other| *other < size))
     }
 
-    /// Standard deviation, from at least so many.
+    /// Standard deviation, from at least this many differences.
     fn deviation(&mut self, fewest: usize) -> Option<f64> {
         if self.latest.len() < fewest.max(1) {
             return None;
@@ -62,11 +63,11 @@ impl Differences {
         if half < self.smaller || half - self.smaller >= self.middle.len() {
             self.sort(half);
         }
-        // the median of the size of a normal number is 0.6745 of its standard deviation
+        // the median magnitude of a normal variable is 0.6745 standard deviations
         Some(f64::from_bits(self.middle[half - self.smaller]) / 0.6745)
     }
 
-    /// Begins a new middle, an eighth of all.
+    /// Rebuilds the middle part: an eighth of all magnitudes, around the median.
     fn sort(&mut self, half: usize) {
         let mut all = self.latest.clone();
         all.sort_unstable();
@@ -88,19 +89,20 @@ pub(super) struct Noise {
 }
 
 impl Noise {
-    /// Of a sensor that has at least this noise.
+    /// For a sensor that has at least this noise.
     pub fn new(least: f64) -> Self {
         let none = Differences::default();
         Self { least, readings: Vec::new(), means: Vec::new(), of_readings: none.clone(), of_means: none }
     }
 
-    /// Forgets the last readings, since none came for a while.
+    /// Discards the last readings after a gap.
     pub fn pause(&mut self) {
         self.readings.clear();
         self.means.clear();
     }
 
-    /// Sees a block of readings, less what the model says. Standard deviation of a reading and variance of the mean, if they are known then.
+    /// Takes a block of readings minus the model's prediction. Returns the standard deviation of a reading and the
+    /// variance of the mean, if they are known by then.
     pub fn see(&mut self, block: &[f64]) -> Option<(f64, f64)> {
         let lag = block.len().div_ceil(2);
         for reading in block {
@@ -133,7 +135,7 @@ mod tests {
         let mut differences = Differences::default();
         let mut sizes: Vec<f64> = Vec::new();
         for i in 0..6 * SEEN {
-            // louder, all the same, and in steps as of a quantised sensor
+            // growing amplitude, constant, and in steps as of a quantised sensor
             let wave = (0.7 * (i * i % 9973) as f64).sin() * (1.0 + (i / 700) as f64);
             let reading = if i / 1500 == 1 { 0.0 } else { wave };
             let reading = if i / 1500 == 2 { reading.round() } else { reading };
@@ -145,7 +147,7 @@ mod tests {
                 assert_eq!(differences.deviation(1), Some(latest[latest.len() / 2] / 0.6745), "{i}");
             }
         }
-        // fewer than are asked for
+        // fewer than required
         assert_eq!(Differences::default().deviation(FEWEST_SEEN), None);
     }
 }

@@ -1,7 +1,9 @@
-//! Candidates for how a model is wrong: each a smooth random function of time, and what the readings say if it is the right one.
+//! Candidates for the model error. Each is a smooth Gaussian process in time, and is filtered as if it were the right
+//! one.
 //!
-//! A block's mean y is off what the unknowns w explain by g x + noise. x has Matern's covariance of order 3/2 (Rasmussen and Williams, Gaussian
-//! Processes, 2006, section 4.2) with a standard deviation s and a time tau, and is the state of a Kalman filter (Hartikainen and Sarkka, MLSP 2010):
+//! A block's mean y deviates from the value that the unknowns w explain by g x + noise. x has the Matern covariance
+//! of order 3/2 (Rasmussen and Williams, Gaussian Processes, 2006, section 4.2) with standard deviation s and time
+//! constant tau. It is the state of a Kalman filter (Hartikainen and Sarkka, MLSP 2010):
 //!
 //! ```text
 //! cov(x(t), x(t')) = s^2 (1 + l) exp(-l),   l = sqrt(3) |t - t'| / tau,   state (x, x'),   P_inf = diag(s^2, 3 s^2 / tau^2)
@@ -10,37 +12,38 @@
 //! G += a a' / v,   b += a d / v,   c += d^2 / v,   e += ln v
 //! ```
 //!
-//! The filter is linear, so it runs on the rows as on the readings. G, b, c and e are all that the posterior of w needs, so no reading is kept.
-//! g = min(1, largest force so far / s): a model is not off by more than it has said, and before the first contact by nothing.
+//! The filter is linear, so it is applied to the rows in the same way as to the readings. The posterior of w depends
+//! only on G, b, c and e, so readings need not be stored. g = min(1, largest force so far / s): the model error is
+//! not larger than the largest predicted force, and is zero before the first contact.
 //!
-//! All N candidates go side by side (`side`).
+//! All N candidates are computed together (`batched_matrix`).
 
 use std::array::from_fn;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::side::{add, at, form, scale, solve, subtract};
+use super::batched_matrix::{add, at, form, scale, solve, subtract};
 
-/// Variance over what is known, for a state that is to be forgotten: six digits are left to double precision.
+/// Variance of a state that is to be discarded, relative to the known one. Six digits remain in double precision.
 const FORGOTTEN: f64 = 1e6;
 
-/// What a block of readings says: see the module.
+/// The data of a block of readings: see the module.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// The mean, off what is expected, and the effect of each unknown on it.
+    /// The mean minus its expectation, and the effect of each unknown on it.
     pub row: Vec<f64>,
     /// Variance of its noise.
     pub noise: f64,
-    /// Largest size that the sensor was expected to show so far; infinite where errors have no bound.
+    /// Largest magnitude that the sensor was expected to show so far; infinite if errors have no bound.
     pub largest: f64,
 }
 
 /// See the module.
 #[derive(Clone, Debug)]
 pub(super) struct Processes<const N: usize> {
-    /// s, in the sensor's unit; 0: the model is right.
+    /// s, in the sensor's unit; 0: no model error.
     pub size: [f64; N],
-    /// sqrt(3) / tau, over a block.
+    /// sqrt(3) / tau, times the length of a block.
     rate: [f64; N],
     /// F(1).
     next: [[[f64; N]; 2]; 2],
@@ -54,20 +57,20 @@ pub(super) struct Processes<const N: usize> {
     pub e: [f64; N],
 }
 
-/// What each candidate makes of the unknowns.
+/// Posterior of the unknowns for each candidate.
 #[derive(Clone, Debug)]
 pub(super) struct Posterior<const N: usize> {
     /// Their mean.
     pub m: Vec<[f64; N]>,
     /// Their covariance.
     pub c: Vec<[f64; N]>,
-    /// -2 ln of how likely the readings are with this candidate, whatever the unknowns; but for a constant. Not finite where double precision can't
-    /// tell.
+    /// -2 ln of the marginal likelihood of the readings for this candidate, up to a constant. Not finite if double
+    /// precision does not suffice.
     pub misfit: [f64; N],
 }
 
 impl<const N: usize> Processes<N> {
-    /// Of sizes, in the sensor's unit, and times, in blocks.
+    /// From sizes, in the sensor's unit, and times, in blocks.
     pub fn new(unknowns: usize, size: [f64; N], time: [f64; N]) -> Self {
         let rate = time.map(|time| 3f64.sqrt() / time);
         let none = [0.0; N];
@@ -85,7 +88,7 @@ impl<const N: usize> Processes<N> {
         }
     }
 
-    /// One unknown more, of which nothing has been said.
+    /// Adds an unknown on which there are no data yet.
     pub fn grow(&mut self) {
         let n = self.b.len() + 1;
         self.x.iter_mut().for_each(|x| x.resize(n + 1, [0.0; N]));
@@ -93,7 +96,7 @@ impl<const N: usize> Processes<N> {
         self.g.resize(at(n, 0), [0.0; N]);
     }
 
-    /// Goes k blocks on.
+    /// Predicts k blocks ahead.
     #[inline(always)]
     pub fn advance(&mut self, k: f64) {
         let f = if k == 1.0 { &self.next } else { &transition(&self.rate, k) };
@@ -127,7 +130,7 @@ impl<const N: usize> Processes<N> {
         self.size.map(|size| if size > largest { largest / size } else { 1.0 })
     }
 
-    /// What is left of a reading and its row, d and a, by an error of f x + f' x'.
+    /// The filter's residuals d and a of a reading and its row, for an error of f x + f' x'.
     #[inline(always)]
     fn left(&self, row: &[f64], [f, f_speed]: [&[f64; N]; 2]) -> Vec<[f64; N]> {
         let mut all: Vec<[f64; N]> = row.iter().map(|row| [*row; N]).collect();
@@ -139,7 +142,7 @@ impl<const N: usize> Processes<N> {
         all
     }
 
-    /// Mean and variance of how far a block that comes k blocks on is off, if the unknowns have means m and covariances C.
+    /// Mean and variance of the deviation of a block k blocks ahead, if the unknowns have means m and covariances C.
     #[inline(always)]
     pub fn off(&self, k: f64, block: &Block, m: &[[f64; N]], c: &[[f64; N]]) -> [[f64; N]; 2] {
         let f = if k == 1.0 { &self.next } else { &transition(&self.rate, k) };
@@ -159,14 +162,14 @@ impl<const N: usize> Processes<N> {
         [off, variance]
     }
 
-    /// Mean square of what the model itself is off by k blocks on, if the unknowns have means m.
+    /// Mean square of the model error k blocks ahead, if the unknowns have means m.
     pub fn error(&self, k: f64, largest: f64, m: &[[f64; N]]) -> [f64; N] {
         let none = Block { row: vec![0.0; self.x[0].len()], noise: 0.0, largest };
         let [off, variance] = self.off(k, &none, m, &vec![[0.0; N]; self.g.len()]);
         from_fn(|j| off[j] * off[j] + variance[j])
     }
 
-    /// Takes in a block.
+    /// Updates with a block.
     #[inline(always)]
     pub fn take(&mut self, block: &Block) {
         let g = self.gate(block.largest);
@@ -189,8 +192,8 @@ impl<const N: usize> Processes<N> {
         self.correct(&left, &g, &v);
     }
 
-    /// Takes a block that was far off, by distances with variances, for the beginning of another error: it says nothing of the unknowns, and of the
-    /// process that such distances come.
+    /// Treats a block with these deviations and variances as the start of another error: it does not update the
+    /// unknowns, but it updates the likelihood of processes with such deviations.
     pub fn pass(&mut self, block: &Block, distance: &[f64; N], variance: &[f64; N]) {
         let g = self.gate(block.largest);
         for j in 0..N {
@@ -204,7 +207,7 @@ impl<const N: usize> Processes<N> {
         self.correct(&left, &g, &v);
     }
 
-    /// The filter's correction by what is left of a row.
+    /// The filter's correction with the residual of a row.
     #[inline(always)]
     fn correct(&mut self, left: &[[f64; N]], g: &[f64; N], v: &[f64; N]) {
         let [p0, p1, p2] = &mut self.p;
@@ -221,7 +224,8 @@ impl<const N: usize> Processes<N> {
         }
     }
 
-    /// The unknowns, and how likely the readings are, from what else is known of the unknowns: their precision, and precision times mean.
+    /// The unknowns and the likelihood of the readings, given the prior information on the unknowns: precision, and
+    /// precision times mean.
     #[inline(always)]
     pub fn posterior(&self, precision: &DMatrix<f64>, weighed: &DVector<f64>) -> Posterior<N> {
         let n = self.b.len();
@@ -238,12 +242,12 @@ impl<const N: usize> Processes<N> {
     }
 }
 
-/// F, k blocks on.
+/// F for k blocks.
 #[inline(always)]
 fn transition<const N: usize>(rate: &[f64; N], k: f64) -> [[[f64; N]; 2]; 2] {
     let (mut e, mut f) = ([0.0; N], [[[0.0; N]; 2]; 2]);
     for j in 0..N {
-        // those of one time come one after the other
+        // candidates with the same time constant are adjacent
         e[j] = if j > 0 && rate[j] == rate[j - 1] { e[j - 1] } else { (-rate[j] * k).exp() };
     }
     for j in 0..N {
@@ -273,7 +277,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// Covariance of the readings, written down.
+    /// Covariance matrix of the readings, for comparison.
     fn covariance(times: &[f64], size: f64, time: f64, noise: f64) -> DMatrix<f64> {
         DMatrix::from_fn(times.len(), times.len(), |i, j| {
             let l = 3f64.sqrt() * (times[i] - times[j]).abs() / time;
@@ -303,12 +307,12 @@ mod tests {
         assert!((b - h.transpose() * &inverse * &y).norm() < 1e-10);
         assert!((process.c[0] - y.dot(&(&inverse * &y))).abs() < 1e-10);
         assert!((process.e[0] - k.determinant().ln()).abs() < 1e-10);
-        // how likely the readings are, the unknowns being normal with variance 1: by hand
+        // marginal likelihood of the readings, with normal unknowns of variance 1: by hand
         let posterior = process.posterior(&DMatrix::identity(2, 2), &DVector::zeros(2));
         let all = &k + &h * h.transpose();
         let likely = y.dot(&(all.clone().try_inverse().unwrap() * &y)) + all.determinant().ln();
         assert!((posterior.misfit[0] - likely).abs() < 1e-9, "{:?} {likely}", posterior.misfit);
-        // what comes 1.5 blocks on: the same by hand
+        // forecast 1.5 blocks ahead: the same by hand
         let m = DVector::from_row_slice(&[0.3, -0.1]);
         let next = Block { row: vec![2.0, 1.0, 3.15], noise, largest: f64::INFINITY };
         let [[mean], [variance]] = process.off(1.5, &next, &[[m[0]], [m[1]]], &[[0.0]; 3]);
@@ -331,7 +335,7 @@ mod tests {
         process.advance(1.0);
         process.pass(&block(30.0), &[1.0], &[1.0]);
         assert_eq!((&process.g, &process.b), (&g, &b));
-        // and the next one is expected where it was
+        // the next block is expected at the same value
         let [[off], [variance]] = process.off(1.0, &block(30.0), &[[0.0]], &[[0.0]]);
         assert!(off.abs() < 1.5 && variance < 0.2, "{off} {variance}");
         // before the first force there is no error

@@ -1,25 +1,26 @@
-//! Readings, and those of a block.
+//! Readings, and the readings of a block.
 
 use nalgebra::DVector;
 
 use super::basis::Basis;
 use crate::compare::uncertainty::FORCE_ERROR;
 
-/// A number that was measured.
+/// A measured number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading<R = Vec<f64>> {
-    /// What was measured, less what was expected.
+    /// Measured minus expected value.
     pub off: f64,
-    /// What each unknown adds to that, for one standard deviation of it.
+    /// Effect of each unknown on it, for one standard deviation of the unknown.
     pub row: R,
-    /// The force that was expected, N; `None` for a number whose size says nothing of the error of the model.
+    /// The expected force, N; `None` for a number whose size does not bound the model error.
     pub force_n: Option<f64>,
-    /// How far what was expected may be off by itself, with the readings beside it: standard deviation.
+    /// Standard deviation of a further error of the expected value, common to neighbouring readings.
     pub doubt: f64,
 }
 
 impl Reading {
-    /// What was measured, the effect of the size of the force, and those along the directions of a basis; what is left of the row.
+    /// Deviation, effect of the force's size, and components along the directions of a basis; and the residual of the
+    /// row.
     pub(super) fn along(&self, basis: &Basis) -> (Vec<f64>, DVector<f64>) {
         let (along, left) = basis.of(&self.row);
         let size = FORCE_ERROR * self.force_n.unwrap_or(0.0);
@@ -32,7 +33,7 @@ impl Reading {
 pub(super) struct Readings {
     /// `off`, the force, the square of `doubt` and `row`, one reading after the other.
     numbers: Vec<f64>,
-    /// How many each has.
+    /// Numbers per reading.
     each: usize,
 }
 
@@ -57,7 +58,7 @@ impl Readings {
         Reading { off: mean[0], row, force_n: Some(mean[1]), doubt: mean[2].sqrt() }
     }
 
-    /// What is left of each, if the size of the force and the unknowns along a basis have mean m.
+    /// Residual of each reading, if the size of the force and the unknowns along a basis have mean m.
     pub fn unexplained(&self, basis: &Basis, m: &[f64]) -> Vec<f64> {
         let mut unknowns = DVector::zeros(self.each - 3);
         basis.add(&m[1..], &mut unknowns);

@@ -1,19 +1,22 @@
-//! How far a force may be off while the tissue swings.
+//! Possible error of the force while the tissue oscillates.
 //!
-//! Tissue that is moved in jumps, as where a computer is too busy to answer every pose, or that is let go, swings about its rest. Let it be a column that
-//! stands on its base and is pressed at its other end by u, and swing in its first wave, u z / h + b sin(pi z / h). While that goes through its rest all of
-//! its energy is kinetic, E_k = (pi b / h)^2 E A h / 4, that of the pressed column is E_s = E A u^2 / 2 h, and the force is off by E A pi b / h at most:
+//! Tissue oscillates about its equilibrium if it is moved in jumps (an overloaded computer does not answer every
+//! pose) or released. Model it as a column on its base that is compressed at its other end by u. It oscillates
+//! in its first mode, u z / h + b sin(pi z / h). When the mode passes its equilibrium, all its energy is kinetic,
+//! E_k = (pi b / h)^2 E A h / 4. The energy of the compressed column is E_s = E A u^2 / 2 h, and the force is off by
+//! E A pi b / h at most:
 //!
 //! ```text
 //! F_swing / F = pi b / u = sqrt(2 E_k / E_s)
 //! ```
 //!
-//! Half a swing later it is all in the strain, so that the largest of the last readings counts, less what damping has taken since.
+//! Half a swing later all the energy is strain energy. So the largest value of the last readings is used, reduced by
+//! the damping since then.
 
 use crate::compare::rows::SWINGS_S;
 use needle_core::twin::Health;
 
-/// Times by which a swing has faded after [`SWINGS_S`].
+/// Factor by which an oscillation decays within [`SWINGS_S`].
 const FADED: f64 = 20.0;
 
 /// Largest F_swing of the last readings.
@@ -24,10 +27,10 @@ pub struct Swing {
 }
 
 impl Swing {
-    /// Takes note of a prediction, N, and its health; F_swing now, N.
+    /// Takes a prediction, N, and its health. Returns the present F_swing, N.
     pub fn see(&mut self, time_s: f64, force_n: f64, health: &Health) -> f64 {
         let share = (2.0 * health.kinetic_to_strain_energy).sqrt();
-        // energies of a tissue that is hardly loaded have no ratio that says more
+        // the ratio of energies means nothing for a tissue that is hardly loaded, so it is limited
         let now = share.min(1.0) * force_n.abs();
         let since = (time_s - self.time_s).max(0.0) / SWINGS_S;
         self.size_n = now.max(self.size_n * FADED.powf(-since));
