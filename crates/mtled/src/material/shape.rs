@@ -44,6 +44,43 @@ pub(crate) trait Shape<N: Number>: Copy {
     fn stiffness(&self, wave: &Wave<'_, N>) -> N;
 }
 
+/// [`Shape::distortion`]; of arrays in a function of its own, which all loops over points share: inlined into each of them, it is most of
+/// the time that the crate takes to compile.
+#[inline(always)]
+pub(crate) fn distortion<N: Number, S: Shape<N>, const AXISYMMETRIC: bool>(
+    shape: &S,
+    f: &Gradient<N>,
+    cof: &Gradient<N>,
+    j: N,
+) -> Distortion<N> {
+    if N::IS_ARRAY {
+        distortion_apart::<N, S, AXISYMMETRIC>(shape, f, cof, j)
+    } else {
+        shape.distortion::<AXISYMMETRIC>(f, cof, j)
+    }
+}
+
+#[inline(never)]
+fn distortion_apart<N: Number, S: Shape<N>, const AXISYMMETRIC: bool>(
+    shape: &S,
+    f: &Gradient<N>,
+    cof: &Gradient<N>,
+    j: N,
+) -> Distortion<N> {
+    shape.distortion::<AXISYMMETRIC>(f, cof, j)
+}
+
+/// [`Shape::stiffness`], likewise.
+#[inline(always)]
+pub(crate) fn stiffness<N: Number, S: Shape<N>>(shape: &S, wave: &Wave<'_, N>) -> N {
+    if N::IS_ARRAY { stiffness_apart(shape, wave) } else { shape.stiffness(wave) }
+}
+
+#[inline(never)]
+fn stiffness_apart<N: Number, S: Shape<N>>(shape: &S, wave: &Wave<'_, N>) -> N {
+    shape.stiffness(wave)
+}
+
 macro_rules! of_invariants {
     ($($law:ident),+) => {$(
         impl<N: Number> Shape<N> for $law<N> {

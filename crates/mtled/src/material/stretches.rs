@@ -62,6 +62,14 @@ impl<N: Number> Stretches<N> {
         }
         Self { terms, count: law.terms().len() }
     }
+}
+
+/// Where the terms of a law come from.
+pub(crate) trait Terms<N: Number>: Copy {
+    /// How many there are.
+    fn count(&self) -> usize;
+    /// One of them.
+    fn term(&self, k: usize) -> Term<N>;
 
     /// h at each eigenvalue, tr h and the energy density, from ln(J^-2/3 c) and (J_m - J) / (3 J_m).
     #[inline(always)]
@@ -70,7 +78,8 @@ impl<N: Number> Stretches<N> {
         let (mut h, mut trace, mut energy) = ([zero; 3], zero, zero);
         // what h and its mean leave out, which differ below J_m
         let (mut base, mut mean) = (zero, zero);
-        for t in &self.terms[..self.count] {
+        for k in 0..self.count() {
+            let t = self.term(k);
             let beyond = t.factor * (one + two * t.half * lack);
             let mut sum = zero;
             for i in 0..3 {
@@ -98,7 +107,23 @@ fn gap<N: Number>(difference: N, larger: N) -> N {
     difference.max(N::of(ROUND_OFF * N::EPSILON) * larger)
 }
 
-impl<N: Number> Shape<N> for Stretches<N> {
+impl<N: Number> Terms<N> for &Stretches<N> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    #[inline(always)]
+    fn term(&self, k: usize) -> Term<N> {
+        self.terms[k]
+    }
+}
+
+/// The law of these terms.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OfTerms<S>(pub S);
+
+impl<N: Number, S: Terms<N>> Shape<N> for OfTerms<S> {
     #[inline(always)]
     fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
         let (larger, lack) = clamped(j);
@@ -120,7 +145,7 @@ impl<N: Number> Shape<N> for Stretches<N> {
             let c2 = (det * det / c0).max(least);
             let hoop = (f[4] * f[4]).max(least);
             let h;
-            (h, trace, energy) = self.powers(&[(scale * c0).ln(), (scale * c2).ln(), (scale * hoop).ln()], lack);
+            (h, trace, energy) = self.0.powers(&[(scale * c0).ln(), (scale * c2).ln(), (scale * hoop).ln()], lack);
             let [h0, h2, of_hoop] = h;
             let slope = (h0 - h2) / gap(sum * difference, c0);
             let inverse = det / (c0 * c2);
@@ -138,7 +163,7 @@ impl<N: Number> Shape<N> for Stretches<N> {
             let c1 = (c01 / c0).max(least);
             let c2 = (j * j / c01).max(least);
             let h;
-            (h, trace, energy) = self.powers(&[(scale * c0).ln(), (scale * c1).ln(), (scale * c2).ln()], lack);
+            (h, trace, energy) = self.0.powers(&[(scale * c0).ln(), (scale * c1).ln(), (scale * c2).ln()], lack);
             let [h0, h1, h2] = h;
             let (first, other) = ((h1 - h2) / gap(c1 - c2, c1), (h0 - h1) / gap(c0 - c1, c0));
             let second = (other - first) / gap(c0 - c2, c0);
@@ -173,12 +198,25 @@ impl<N: Number> Shape<N> for Stretches<N> {
         let largest = (cube * wave.largest).max(least).ln();
         let smallest = (cube * wave.j * wave.j / wave.c2).max(least).ln();
         let mut modulus = N::default();
-        for t in &self.terms[..self.count] {
+        for k in 0..self.0.count() {
+            let t = self.0.term(k);
             let power = t.half - one;
             let (a, b) = ((power * largest).exp_m1(), (power * smallest).exp_m1());
             modulus = t.modulus.product_sum(one + a.max(b), modulus);
         }
         wave.of_modulus(modulus)
+    }
+}
+
+impl<N: Number> Shape<N> for Stretches<N> {
+    #[inline(always)]
+    fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
+        OfTerms(self).distortion::<AXISYMMETRIC>(f, cof, j)
+    }
+
+    #[inline(always)]
+    fn stiffness(&self, wave: &Wave<'_, N>) -> N {
+        OfTerms(self).stiffness(wave)
     }
 }
 

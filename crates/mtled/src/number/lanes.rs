@@ -113,6 +113,7 @@ impl<T: Real> Lanes<T> {
 
 impl<T: Real> Number for Lanes<T> {
     const EPSILON: f64 = T::EPSILON;
+    const IS_ARRAY: bool = true;
     #[inline(always)]
     fn of(x: f64) -> Self {
         Self::splat(T::of(x))

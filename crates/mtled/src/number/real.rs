@@ -27,6 +27,8 @@ pub trait Number:
     fn max(self, other: Self) -> Self;
     /// The distance from 1 to the next larger number.
     const EPSILON: f64;
+    /// Whether it is an array, of which compilers make long code.
+    const IS_ARRAY: bool = false;
     /// self * b + c, rounded once: the same bits with and without hardware support.
     #[must_use]
     fn fma(self, b: Self, c: Self) -> Self;
@@ -197,7 +199,7 @@ real!(
             // SAFETY: the processor has both features.
             return unsafe { super::vector::run_avx2(pass) };
         }
-        lanes::run(Portable(pass, PhantomData::<Self>));
+        pass.go::<Lanes<Self>>();
     }
 );
 real!(

@@ -5,7 +5,7 @@ use crate::material::neo_hookean::{
     first_piola_in, is_there,
 };
 use crate::material::ogden::MOST_TERMS;
-use crate::material::shape::{Distortion, NeoHookean as NeoHookeanShape, Shape, Wave, plane_wave};
+use crate::material::shape::{self, Distortion, NeoHookean as NeoHookeanShape, Shape, Wave, plane_wave};
 use crate::material::stretches::{Stretches, Term};
 use crate::material::{MooneyRivlin, VerondaWestmann, Volumetric, Yeoh, prony};
 use crate::number::{LANES, Lanes, Number, Real, Vector};
@@ -134,14 +134,21 @@ impl<N: Number> Volume<N> {
     }
 }
 
+impl<T: Real> Volume<T> {
+    /// In registers.
+    #[inline(always)]
+    pub fn splat<V: Vector<T>>(&self) -> Volume<V> {
+        let Self { pointwise, projected, resists_collapse, law } = *self;
+        Volume { pointwise: V::splat(pointwise), projected: V::splat(projected), resists_collapse, law }
+    }
+}
+
 impl<T: Real, S: LaneShape<T>> LaneLaw<T> for WithVolume<S, T> {
     type Wide<V: Vector<T>> = WithVolume<S::Wide<V>, V>;
 
     #[inline(always)]
     fn splat<V: Vector<T>>(&self) -> Self::Wide<V> {
-        let Volume { pointwise, projected, resists_collapse, law } = self.volume;
-        let (pointwise, projected) = (V::splat(pointwise), V::splat(projected));
-        WithVolume { shape: self.shape.splat(), volume: Volume { pointwise, projected, resists_collapse, law } }
+        WithVolume { shape: self.shape.splat(), volume: self.volume.splat() }
     }
 
     #[inline(always)]
@@ -154,6 +161,15 @@ impl<T: Real, S: LaneShape<T>> LaneLaw<T> for WithVolume<S, T> {
     }
 }
 
+impl<T: Real> Term<T> {
+    /// In registers.
+    #[inline(always)]
+    pub fn splat<V: Vector<T>>(&self) -> Term<V> {
+        let Self { half, factor, energy, modulus } = *self;
+        Term { half: V::splat(half), factor: V::splat(factor), energy: V::splat(energy), modulus: V::splat(modulus) }
+    }
+}
+
 impl<T: Real> LaneShape<T> for Stretches<T> {
     type Wide<V: Vector<T>> = Stretches<V>;
 
@@ -161,13 +177,7 @@ impl<T: Real> LaneShape<T> for Stretches<T> {
     fn splat<V: Vector<T>>(&self) -> Stretches<V> {
         let mut terms = [Term::default(); MOST_TERMS];
         for k in 0..self.count {
-            let Term { half, factor, energy, modulus } = self.terms[k];
-            terms[k] = Term {
-                half: V::splat(half),
-                factor: V::splat(factor),
-                energy: V::splat(energy),
-                modulus: V::splat(modulus),
-            };
+            terms[k] = self.terms[k].splat();
         }
         Stretches { terms, count: self.count }
     }
@@ -202,7 +212,7 @@ impl<N: Number, S: Shape<N>> WithVolume<S, N> {
         let cof = cofactor_in::<N, AXISYMMETRIC>(f);
         let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
         let (energy, own) = self.volume.own(j);
-        let now = self.shape.distortion::<AXISYMMETRIC>(f, &cof, j);
+        let now = shape::distortion::<N, S, AXISYMMETRIC>(&self.shape, f, &cof, j);
         let held = prony::held_in::<N, AXISYMMETRIC>(f, j, h);
         let mut stress = held.stress;
         for n in 0..9 {
@@ -222,7 +232,8 @@ impl<N: Number, S: Shape<N>> WideLaw<N> for WithVolume<S, N> {
         let cof = cofactor_in::<N, AXISYMMETRIC>(f);
         let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
         let (energy, own) = self.volume.own(j);
-        let Distortion { energy: distortional, stress, across } = self.shape.distortion::<AXISYMMETRIC>(f, &cof, j);
+        let Distortion { energy: distortional, stress, across } =
+            shape::distortion::<N, S, AXISYMMETRIC>(&self.shape, f, &cof, j);
         (distortional + energy, with_pressure::<N, AXISYMMETRIC>(stress, &cof, projected.pressure + own + across))
     }
 
@@ -232,7 +243,7 @@ impl<N: Number, S: Shape<N>> WideLaw<N> for WithVolume<S, N> {
         let (j, lack) = clamped(determinant(f, &cof));
         let bulk = self.volume.curvature(j, projected.pressure);
         let (largest, c2) = (largest_square(f), largest_square(&cof));
-        self.shape.stiffness(&Wave { f, cof: &cof, j, lack, largest, c2, bulk })
+        shape::stiffness(&self.shape, &Wave { f, cof: &cof, j, lack, largest, c2, bulk })
     }
 }
 

@@ -16,10 +16,9 @@ use std::sync::Arc;
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::disjoint::Chunks;
 use super::kernel::NODES_PER_CHUNK;
-use super::lane_law::WithVolume;
 use super::memory::Memory;
 use super::model::{Model, Workspace, with_kernel};
-use super::points::{Constants, PointLaw, Relaxing, with_shape};
+use super::points::{Constants, InLanes, PointLaw, Relaxing};
 use super::state::State;
 use crate::number::Real;
 use crate::number::vector::{Pass, Vector, load_all, run_pass};
@@ -80,9 +79,8 @@ impl<T: Real> Block<T> {
         } else if let Some(law) = constants.plain() {
             run_pass(Bound { block: self, law: &law, scratch, lanes, force });
         } else if let Some(volume) = constants.volume() {
-            with_shape!((constants.shape::<T>()) => (shape) {
-                run_pass(Bound { block: self, law: &WithVolume { shape, volume }, scratch, lanes, force });
-            });
+            let law = InLanes::<_, false> { shape: constants.shape(), volume, memory };
+            run_pass(Bound { block: self, law: &law, scratch, lanes, force });
         } else {
             run_pass(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force });
         }

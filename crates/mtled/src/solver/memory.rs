@@ -15,9 +15,9 @@ use crate::number::{LANES, Lanes, Number, Real};
 
 use super::block::{Block, BlockScratch};
 use super::cloned::cloned_field_by_field;
-use super::lane_law::{LaneShape, with_pressure};
+use super::lane_law::with_pressure;
 use super::passes::load;
-use super::points::{Constants, with_shape};
+use super::points::{AnyShape, Constants, Splat};
 use crate::approximation::Form;
 
 /// A symmetric tensor of each point of a group. In double precision: a step of time may change it by less than a single's last digit.
@@ -147,14 +147,12 @@ impl Memory {
         let series = &constants.law.prony;
         let (terms, long_term, increment) = (series.len(), series.long_term_share(), series.increment(dt));
         let (planar, memory) = (self.axisymmetric, self);
-        with_shape!((constants.shape::<T>()) => (shape) {
-            let increment = &increment;
-            if planar {
-                run_pass(Commit::<_, _, true> { shape, block, active, scratch, terms, long_term, increment, memory });
-            } else {
-                run_pass(Commit::<_, _, false> { shape, block, active, scratch, terms, long_term, increment, memory });
-            }
-        });
+        let (shape, increment) = (constants.shape(), &increment);
+        if planar {
+            run_pass(Commit::<_, true> { shape, block, active, scratch, terms, long_term, increment, memory });
+        } else {
+            run_pass(Commit::<_, false> { shape, block, active, scratch, terms, long_term, increment, memory });
+        }
     }
 }
 
@@ -186,8 +184,8 @@ impl<const AXISYMMETRIC: bool> Loop for Begin<'_, AXISYMMETRIC> {
 }
 
 /// The loop of [`Memory::commit`].
-struct Commit<'a, T: Real, S, const AXISYMMETRIC: bool> {
-    shape: S,
+struct Commit<'a, T: Real, const AXISYMMETRIC: bool> {
+    shape: AnyShape<T>,
     block: &'a Block<T>,
     active: &'a [Lanes<T>],
     scratch: &'a BlockScratch<T>,
@@ -197,7 +195,7 @@ struct Commit<'a, T: Real, S, const AXISYMMETRIC: bool> {
     memory: &'a mut Memory,
 }
 
-impl<T: Real, S: LaneShape<T>, const AXISYMMETRIC: bool> Pass<T> for Commit<'_, T, S, AXISYMMETRIC> {
+impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Commit<'_, T, AXISYMMETRIC> {
     #[inline(always)]
     fn go<V: Vector<T>>(self) {
         let Self { shape, block, active, scratch, terms, long_term, increment, memory } = self;
@@ -205,12 +203,11 @@ impl<T: Real, S: LaneShape<T>, const AXISYMMETRIC: bool> Pass<T> for Commit<'_, 
         let (long_term, gamma) = (V::of(long_term), V::of(memory.elastic));
         let (mut elastic, mut work, mut totals) = (zero, zero, zero);
         let (mut held, mut squares) = ([zero; MOST_TERMS], [zero; MOST_TERMS]);
-        let shape = shape.splat::<V>();
         for group in 0..memory.held.len() {
             let f = load::<T, V, AXISYMMETRIC>(&scratch.deformation[group]);
             let cof = cofactor_in::<V, AXISYMMETRIC>(&f);
             let j = determinant_in::<V, AXISYMMETRIC>(&f, &cof);
-            let now = shape.distortion::<AXISYMMETRIC>(&f, &cof, j);
+            let now = Splat(&shape).distortion::<AXISYMMETRIC>(&f, &cof, j);
             let stress = with_pressure::<V, AXISYMMETRIC>(now.stress, &cof, now.across);
             let new = reference_stress::<V, AXISYMMETRIC>(&cof, j, &stress);
             let c = unimodular::<V, AXISYMMETRIC>(&f, j);

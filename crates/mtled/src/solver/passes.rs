@@ -4,9 +4,8 @@ use crate::approximation::Form;
 use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
 use super::block::{Block, BlockScratch, ForceOfLane};
-use super::lane_law::WithVolume;
 use super::memory::Memory;
-use super::points::{Constants, PointLaw, Projected, Relaxing, Remembering, with_shape};
+use super::points::{Constants, InLanes, PointLaw, Projected, Relaxing};
 use super::strip::FIELDS;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::vector::{Pass, Vector, load_all, run_pass};
@@ -98,14 +97,12 @@ impl<T: Real> Block<T> {
         } else if let Some(plain) = constants.plain() {
             self.spread(&plain, active, scratch, lanes);
         } else if let Some(volume) = constants.volume() {
-            with_shape!((constants.shape::<T>()) => (shape) {
-                let law = WithVolume { shape, volume };
-                if memory.is_empty() {
-                    self.spread(&law, active, scratch, lanes);
-                } else {
-                    self.spread(&Remembering { law, memory }, active, scratch, lanes);
-                }
-            });
+            let shape = constants.shape();
+            if memory.is_empty() {
+                self.spread(&InLanes::<_, false> { shape, volume, memory }, active, scratch, lanes);
+            } else {
+                self.spread(&InLanes::<_, true> { shape, volume, memory }, active, scratch, lanes);
+            }
         } else {
             self.spread(&Relaxing { constants, memory }, active, scratch, lanes);
         }

@@ -13,8 +13,7 @@ use super::projection::Projected;
 use super::table::PointTable;
 use super::transfer::{Load, Store, SumLanes, mirrored};
 use crate::approximation::Form;
-use crate::material::stretches::Stretches;
-use crate::material::{MooneyRivlin, VerondaWestmann, Volumetric, Yeoh};
+use crate::material::Volumetric;
 use crate::number::lanes::{LANES, Lanes, run};
 use crate::number::vector::run_pass;
 use crate::number::{Number, Real};
@@ -58,10 +57,7 @@ pub struct Lockstep<T: Real> {
 enum OfRegion<T: Real> {
     Plain(Laws<NeoHookean<T>>),
     Mixed(Laws<Mixed<T>>),
-    MooneyRivlin(Laws<WithVolume<MooneyRivlin<T>, T>>),
-    Yeoh(Laws<WithVolume<Yeoh<T>, T>>),
-    VerondaWestmann(Laws<WithVolume<VerondaWestmann<T>, T>>),
-    Ogden(Laws<WithVolume<Stretches<T>, T>>),
+    Other(Laws<WithVolume<AnyShape<T>, T>>),
 }
 
 /// `with_laws!((of_region) => (laws) { ... })`: the body for the law that they have.
@@ -70,10 +66,7 @@ macro_rules! with_laws {
         match $any {
             OfRegion::Plain($laws) => $body,
             OfRegion::Mixed($laws) => $body,
-            OfRegion::MooneyRivlin($laws) => $body,
-            OfRegion::Yeoh($laws) => $body,
-            OfRegion::VerondaWestmann($laws) => $body,
-            OfRegion::Ogden($laws) => $body,
+            OfRegion::Other($laws) => $body,
         }
     };
 }
@@ -89,22 +82,13 @@ impl<T: Real> OfRegion<T> {
         if constants[0].mixed {
             return of_each(constants, Constants::of_mixed).map(Self::Mixed);
         }
-        macro_rules! with_volume {
-            ($shape:ident) => {
-                of_each(constants, |c| match (c.mixed, c.shape(), c.volume()) {
-                    (false, AnyShape::$shape(shape), Some(volume)) => Some(WithVolume { shape, volume }),
-                    _ => None,
-                })
-                .map(Self::$shape)
-            };
+        if constants[0].plain::<T>().is_some() {
+            return of_each(constants, |c| c.plain().filter(|_| !c.mixed)).map(Self::Plain);
         }
-        match constants[0].shape::<T>() {
-            AnyShape::NeoHookean(_) => of_each(constants, |c| c.plain().filter(|_| !c.mixed)).map(Self::Plain),
-            AnyShape::MooneyRivlin(_) => with_volume!(MooneyRivlin),
-            AnyShape::Yeoh(_) => with_volume!(Yeoh),
-            AnyShape::VerondaWestmann(_) => with_volume!(VerondaWestmann),
-            AnyShape::Ogden(_) => with_volume!(Ogden),
-        }
+        let first = std::mem::discriminant(&constants[0].law.distortional);
+        let is_alike = |c: &Constants| !c.mixed && std::mem::discriminant(&c.law.distortional) == first;
+        of_each(constants, |c| c.volume().filter(|_| is_alike(c)).map(|volume| WithVolume { shape: c.shape(), volume }))
+            .map(Self::Other)
     }
 }
 
