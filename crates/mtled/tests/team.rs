@@ -6,7 +6,7 @@ use std::sync::Arc;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
 use mtled::approximation::{Basis, Settings, ShapeTable};
 use mtled::cloud::{BASE, Domain, Spacing, TOP, meridian::meridian};
-use mtled::material::{Law, Prony};
+use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, Prony, VerondaWestmann, Yeoh};
 use mtled::solver::{Advance, Precision, Role, Solver, SolverSettings, Team, VolumeRatio};
 
 /// A pressed half plane.
@@ -110,6 +110,44 @@ fn members_step_as_solvers_alone() {
         let force = |k: usize| together[k].balance().instrument[2];
         assert!(force(1) > 1.1 * force(0) && force(2) > 1.1 * force(1), "each has its own law");
     }
+}
+
+/// Every law in the lanes, in both precisions; members of an Ogden law with terms of their own.
+#[test]
+fn members_of_every_law_step_as_solvers_alone() {
+    let plane = plane();
+    let of = |distortional: [Distortional; 2]| distortional.map(|distortional| Law { distortional, ..law(0) });
+    let ogden = |moduli: &[f64], exponents: &[f64]| Distortional::Ogden(Ogden::new(moduli, exponents).unwrap());
+    let yeoh = |c20: f64| Distortional::Yeoh(Yeoh { c10: 839.0, c20, c30: 20.0 });
+    let mooney = |c01: f64| Distortional::MooneyRivlin(MooneyRivlin { c10: 539.0, c01 });
+    let veronda = |exponent: f64| Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: 1678.0, exponent });
+    let pairs = [
+        of([yeoh(-60.0), yeoh(100.0)]),
+        of([mooney(300.0), mooney(100.0)]),
+        of([veronda(0.8), veronda(2.0)]),
+        of([ogden(&[1678.0], &[-4.7]), ogden(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0])]),
+    ];
+    for (laws, precision) in pairs.iter().flat_map(|p| [(p, Precision::F32), (p, Precision::F64)]) {
+        let (mut alone, mut together) = (solvers(&plane, precision, laws), solvers(&plane, precision, laws));
+        let mut team = Team::new(&together.iter().collect::<Vec<_>>(), None).unwrap();
+        for pose in 1..=40 {
+            let travel = 2e-5;
+            alone.iter_mut().chain(&mut together).for_each(|solver| press(solver, travel * f64::from(pose)));
+            for solver in &mut alone {
+                solver.refresh_if_due();
+                solver.advance(&Advance { steps: 3, travel: [0.0, 0.0, travel] });
+            }
+            step_together(&mut team, &mut together, 3, travel);
+        }
+        let force = |solver: &Solver| solver.balance().instrument[2];
+        for (own, member) in alone.iter().zip(&together) {
+            assert!(force(own) > 0.1 && own.balance() == member.balance(), "{laws:?} {precision:?}: the same bits");
+            assert_eq!(own.parameters(), member.parameters(), "{laws:?} {precision:?}");
+        }
+        assert!(force(&alone[0]) != force(&alone[1]), "{laws:?}: each has its own constants");
+    }
+    let different = solvers(&plane, Precision::F32, &[law(0), pairs[0][0]]);
+    assert!(Team::new(&different.iter().collect::<Vec<_>>(), None).is_none(), "two laws");
 }
 
 #[test]

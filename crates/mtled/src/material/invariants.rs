@@ -14,62 +14,122 @@
 
 #[cfg(doc)]
 use super::neo_hookean::MIN_JACOBIAN;
-use super::neo_hookean::{Gradient, clamped};
+use super::neo_hookean::{Gradient, clamped, first_invariant_in, is_there};
+use super::shape::Distortion;
 use crate::number::Number;
 
 /// Energy density of a law and its derivatives with respect to a and b, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Slopes {
+pub struct Slopes<N = f64> {
     /// w.
-    pub w: f64,
+    pub w: N,
     /// dw/da.
-    pub a: f64,
+    pub a: N,
     /// dw/db.
-    pub b: f64,
+    pub b: N,
     /// d2w/da2.
-    pub aa: f64,
+    pub aa: N,
     /// d2w/da db.
-    pub ab: f64,
+    pub ab: N,
     /// d2w/db2.
-    pub bb: f64,
+    pub bb: N,
 }
 
-/// J^-2/3, a and b.
-fn invariants(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64) -> (f64, [f64; 2]) {
+/// A law w(a, b).
+pub trait OfInvariants<N: Number>: Copy {
+    /// Whether w depends on b.
+    const SECOND: bool;
+    /// w with its derivatives.
+    fn slopes(&self, a: N, b: N) -> Slopes<N>;
+}
+
+/// J^-2/3, a, and b if it is asked for.
+#[inline(always)]
+fn invariants<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, cof: &Gradient<N>, j: N, second: bool) -> [N; 3] {
     let r = j.inverse_cube_root();
-    let square = |m: &Gradient<f64>| m.iter().map(|x| x * x).sum::<f64>();
     let scale = r * r;
-    (scale, [scale * square(f), scale * scale * square(cof)])
+    let b = if second { scale * scale * first_invariant_in::<N, AXISYMMETRIC>(cof) } else { N::default() };
+    [scale, scale * first_invariant_in::<N, AXISYMMETRIC>(f), b]
 }
 
-/// Distortional energy density and first Piola-Kirchhoff stress without pressure, Pa, of a law w(a, b).
+/// Distortional energy density and first Piola-Kirchhoff stress without pressure, Pa.
 #[must_use]
-pub fn evaluate(
-    law: impl Fn(f64, f64) -> Slopes,
-    f: &Gradient<f64>,
-    cof: &Gradient<f64>,
-    j: f64,
-) -> (f64, Gradient<f64>) {
+#[inline(always)]
+pub(crate) fn evaluate<N: Number, L: OfInvariants<N>, const AXISYMMETRIC: bool>(
+    law: &L,
+    f: &Gradient<N>,
+    cof: &Gradient<N>,
+    j: N,
+) -> Distortion<N> {
     let (j, lack) = clamped(j);
-    let (scale, [a, b]) = invariants(f, cof, j);
-    let s = law(a, b);
-    let e = 2.0 * lack / (3.0 * j);
-    let by_volume = a * s.a + 2.0 * b * s.b;
-    let w_a = s.a + e * (s.a + a * s.aa + 2.0 * b * s.ab);
-    let w_b = s.b + e * (2.0 * s.b + a * s.ab + 2.0 * b * s.bb);
-    let i1 = a / scale;
-    // F F^T F
-    let cube: Gradient<f64> = if w_b == 0.0 { [0.0; 9] } else { cube(f) };
-    let (along, across) = (2.0 * scale * w_a, 2.0 * scale * scale * w_b);
-    let pressure = 2.0 * by_volume / (3.0 * j);
-    let stress = std::array::from_fn(|n| along * f[n] + across * (i1 * f[n] - cube[n]) - pressure * cof[n]);
-    (s.w + e * by_volume, stress)
+    let [scale, a, b] = invariants::<N, AXISYMMETRIC>(f, cof, j, L::SECOND);
+    let s = law.slopes(a, b);
+    let two = N::of(2.0);
+    let third = N::of(1.0 / 3.0) / j;
+    let e = two * lack * third;
+    let (mut by_volume, mut w_a) = (a * s.a, s.a + e * a.product_sum(s.aa, s.a));
+    let mut w_b = N::default();
+    if L::SECOND {
+        by_volume = (two * b).product_sum(s.b, by_volume);
+        w_a += two * e * b * s.ab;
+        w_b = s.b + e * (two * s.b + a * s.ab + two * b * s.bb);
+    }
+    let mut stress = *f;
+    let along = two * scale * w_a;
+    if L::SECOND {
+        // I1 F - F F^T F
+        let across = two * scale * scale * w_b;
+        let along = across.product_sum(first_invariant_in::<N, AXISYMMETRIC>(f), along);
+        let cube = cube::<N, AXISYMMETRIC>(f);
+        for n in 0..9 {
+            if is_there::<AXISYMMETRIC>(n) {
+                stress[n] = along.product_sum(f[n], -(across * cube[n]));
+            }
+        }
+    } else {
+        for n in 0..9 {
+            if is_there::<AXISYMMETRIC>(n) {
+                stress[n] = along * f[n];
+            }
+        }
+    }
+    Distortion { energy: s.w + e * by_volume, stress, across: -(two * by_volume * third) }
 }
 
-fn cube(f: &Gradient<f64>) -> Gradient<f64> {
-    let dot = |i: usize, k: usize| (0..3).map(|m| f[3 * i + m] * f[3 * k + m]).sum::<f64>();
-    let left: Gradient<f64> = std::array::from_fn(|n| dot(n / 3, n % 3));
-    std::array::from_fn(|n| (0..3).map(|m| left[n / 3 * 3 + m] * f[3 * m + n % 3]).sum())
+/// F F^T F.
+#[inline(always)]
+fn cube<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>) -> Gradient<N> {
+    let mut out = *f;
+    if AXISYMMETRIC {
+        let (a, b, c) = (dot(f, 0, 0), dot(f, 6, 6), dot(f, 0, 6));
+        for k in [0, 2] {
+            out[k] = a.product_sum(f[k], c * f[6 + k]);
+            out[6 + k] = c.product_sum(f[k], b * f[6 + k]);
+        }
+        out[4] = f[4] * f[4] * f[4];
+        return out;
+    }
+    let [xx, yy, zz] = [full_dot(f, 0, 0), full_dot(f, 3, 3), full_dot(f, 6, 6)];
+    let [xy, yz, zx] = [full_dot(f, 0, 3), full_dot(f, 3, 6), full_dot(f, 6, 0)];
+    for k in 0..3 {
+        let [x, y, z] = [f[k], f[3 + k], f[6 + k]];
+        out[k] = xx.product_sum(x, xy.product_sum(y, zx * z));
+        out[3 + k] = xy.product_sum(x, yy.product_sum(y, yz * z));
+        out[6 + k] = zx.product_sum(x, yz.product_sum(y, zz * z));
+    }
+    out
+}
+
+/// Inner product of two rows of F, by their first components, of the half plane.
+#[inline(always)]
+fn dot<N: Number>(f: &Gradient<N>, a: usize, b: usize) -> N {
+    f[a].product_sum(f[b], f[a + 2] * f[b + 2])
+}
+
+/// The same of all three.
+#[inline(always)]
+pub(super) fn full_dot<N: Number>(f: &Gradient<N>, a: usize, b: usize) -> N {
+    f[a].product_sum(f[b], f[a + 1].product_sum(f[b + 1], f[a + 2] * f[b + 2]))
 }
 
 /// A bound on the stiffness (Pa) of a plane wave a (x) N of the law, with `largest` the square of the largest singular
@@ -82,22 +142,24 @@ fn cube(f: &Gradient<f64>) -> Gradient<f64> {
 ///
 /// from |dF : N (x) a| <= l for F and the linearity of cof F along a (x) N. Negative curvature is left out.
 #[must_use]
-pub fn stiffness(
-    law: impl Fn(f64, f64) -> Slopes,
-    f: &Gradient<f64>,
-    cof: &Gradient<f64>,
-    j: f64,
-    largest: f64,
-    c2: f64,
-) -> f64 {
-    let (scale, [a, b]) = invariants(f, cof, j);
-    let s = law(a, b);
+#[inline(always)]
+pub(crate) fn stiffness<N: Number, L: OfInvariants<N>>(
+    law: &L,
+    f: &Gradient<N>,
+    cof: &Gradient<N>,
+    j: N,
+    largest: N,
+    c2: N,
+) -> N {
+    let [scale, a, b] = invariants::<N, false>(f, cof, j, true);
+    let s = law.slopes(a, b);
+    let (zero, one, two) = (N::default(), N::of(1.0), N::of(2.0));
     let (i1, i2, l, c) = (a / scale, b / (scale * scale), largest.sqrt(), c2.sqrt() / j);
-    let first = 2.0 * scale * (l + i1 * c / 3.0);
-    let second = 2.0 * scale * scale * (l * i1 + 2.0 * i2 * c / 3.0);
-    2.0 * s.a.abs() * scale * (1.0 + 5.0 / 9.0 * i1 * c * c)
-        + 2.0 * s.b.abs() * scale * scale * (2.0 * largest + 14.0 / 9.0 * i2 * c * c)
-        + s.aa.max(0.0) * first * first
-        + 2.0 * s.ab.max(0.0) * first * second
-        + s.bb.max(0.0) * second * second
+    let first = two * scale * (l + i1 * c * N::of(1.0 / 3.0));
+    let second = two * scale * scale * (l * i1 + two * i2 * c * N::of(1.0 / 3.0));
+    two * s.a.max(-s.a) * scale * (one + N::of(5.0 / 9.0) * i1 * c * c)
+        + two * s.b.max(-s.b) * scale * scale * (two * largest + N::of(14.0 / 9.0) * i2 * c * c)
+        + s.aa.max(zero) * first * first
+        + two * s.ab.max(zero) * first * second
+        + s.bb.max(zero) * second * second
 }

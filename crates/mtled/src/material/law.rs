@@ -2,7 +2,8 @@
 
 use super::neo_hookean::{Gradient, distortional_energy, first_piola};
 use super::ogden::Symmetric;
-use super::{MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, invariants, prony};
+use super::shape::Shape;
+use super::{MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, prony};
 
 /// Law of the change of shape, with its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,9 +68,9 @@ impl Law {
                 (distortional_energy(f, j, *mu), first_piola(f, cof, j, *mu, 0.0))
             }
             Distortional::Ogden(law) => law.evaluate(f, cof, j),
-            Distortional::MooneyRivlin(law) => invariants::evaluate(|a, b| law.slopes(a, b), f, cof, j),
-            Distortional::Yeoh(law) => invariants::evaluate(|a, b| law.slopes(a, b), f, cof, j),
-            Distortional::VerondaWestmann(law) => invariants::evaluate(|a, b| law.slopes(a, b), f, cof, j),
+            Distortional::MooneyRivlin(law) => law.distortion::<false>(f, cof, j).summed(cof),
+            Distortional::Yeoh(law) => law.distortion::<false>(f, cof, j).summed(cof),
+            Distortional::VerondaWestmann(law) => law.distortion::<false>(f, cof, j).summed(cof),
         }
     }
 

@@ -9,6 +9,8 @@ pub mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod ogden;
 pub mod prony;
+pub(crate) mod shape;
+pub(crate) mod stretches;
 pub mod veronda_westmann;
 pub mod volumetric;
 pub mod yeoh;

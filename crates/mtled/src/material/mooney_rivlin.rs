@@ -6,15 +6,16 @@
 //!
 //! With C01 = 0 it is the neo-Hookean law.
 
-use super::invariants::Slopes;
+use super::invariants::{OfInvariants, Slopes};
+use crate::number::Number;
 
 /// Constants of the law, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MooneyRivlin {
+pub struct MooneyRivlin<N = f64> {
     /// C10.
-    pub c10: f64,
+    pub c10: N,
     /// C01.
-    pub c01: f64,
+    pub c01: N,
 }
 
 impl MooneyRivlin {
@@ -23,11 +24,15 @@ impl MooneyRivlin {
     pub fn shear_modulus(&self) -> f64 {
         2.0 * (self.c10 + self.c01)
     }
+}
 
-    /// w(a, b) with its derivatives.
-    #[must_use]
-    pub fn slopes(&self, a: f64, b: f64) -> Slopes {
-        let w = self.c10 * (a - 3.0) + self.c01 * (b - 3.0);
+impl<N: Number> OfInvariants<N> for MooneyRivlin<N> {
+    const SECOND: bool = true;
+
+    #[inline(always)]
+    fn slopes(&self, a: N, b: N) -> Slopes<N> {
+        let three = N::of(3.0);
+        let w = self.c10 * (a - three) + self.c01 * (b - three);
         Slopes { w, a: self.c10, b: self.c01, ..Slopes::default() }
     }
 }

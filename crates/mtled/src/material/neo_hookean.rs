@@ -83,7 +83,7 @@ pub fn first_invariant<T: Number>(f: &Gradient<T>) -> T {
 
 /// The same of what [`is_there`].
 #[inline(always)]
-fn first_invariant_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>) -> T {
+pub(crate) fn first_invariant_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>) -> T {
     let mut i1 = f[0] * f[0];
     for k in 1..9 {
         if is_there::<AXISYMMETRIC>(k) {

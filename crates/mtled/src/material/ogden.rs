@@ -24,7 +24,7 @@ use crate::number::Number;
 /// Most terms of a law.
 pub const MOST_TERMS: usize = 6;
 /// Eigenvalues of b below this count as this: keeps the powers finite until the health check sees the point.
-const LEAST: f64 = 1e-8;
+pub(super) const LEAST: f64 = 1e-8;
 /// Eigenvalues closer than this, relative to the largest, take the first derivative for the first divided difference.
 const CLOSE: f64 = 1e-6;
 /// The same for the second.

@@ -19,8 +19,9 @@
 //!
 //! and its internal force is conservative for as long as the increment lasts, however many steps find its balance.
 
-use super::neo_hookean::{Gradient, MIN_JACOBIAN, clamped, excess};
+use super::neo_hookean::{Gradient, clamped, excess, is_there};
 use super::ogden::Symmetric;
+use super::shape::Distortion;
 use crate::number::Number;
 
 /// Most terms of a series.
@@ -107,47 +108,94 @@ impl Prony {
 /// J^-2/3 H : C / 2 and its derivative with respect to F; below J_m with phi(J) for J^-2/3 (see [`super::neo_hookean`]).
 #[must_use]
 pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f64, Gradient<f64>) {
+    held_in::<f64, false>(f, j, h).summed(cof)
+}
+
+/// The same of numbers of any kind.
+#[must_use]
+#[inline(always)]
+pub(crate) fn held_in<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N, h: &[N; 6]) -> Distortion<N> {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let scale = r * r;
     let [a, b, c, d, e, g] = *h;
-    let fh: Gradient<f64> = std::array::from_fn(|n| {
-        let x = &f[n / 3 * 3..];
-        match n % 3 {
-            0 => x[0] * a + x[1] * d + x[2] * g,
-            1 => x[0] * d + x[1] * b + x[2] * e,
-            _ => x[0] * g + x[1] * e + x[2] * c,
+    let mut fh = *f;
+    if AXISYMMETRIC {
+        for k in [0, 6] {
+            fh[k] = f[k].product_sum(a, f[k + 2] * g);
+            fh[k + 2] = f[k].product_sum(g, f[k + 2] * c);
         }
-    });
-    let product: f64 = fh.iter().zip(f).map(|(x, y)| x * y).sum();
-    let excess = excess(lack);
-    let stress = std::array::from_fn(|n| scale * (excess * fh[n] - product / (3.0 * j) * cof[n]));
-    (0.5 * scale * excess * product, stress)
+        fh[4] = f[4] * b;
+    } else {
+        for k in [0, 3, 6] {
+            let [x, y, z] = [f[k], f[k + 1], f[k + 2]];
+            fh[k] = x.product_sum(a, y.product_sum(d, z * g));
+            fh[k + 1] = x.product_sum(d, y.product_sum(b, z * e));
+            fh[k + 2] = x.product_sum(g, y.product_sum(e, z * c));
+        }
+    }
+    let mut product = N::default();
+    for n in 0..9 {
+        if is_there::<AXISYMMETRIC>(n) {
+            product = fh[n].product_sum(f[n], product);
+        }
+    }
+    let along = scale * excess(lack);
+    for n in 0..9 {
+        if is_there::<AXISYMMETRIC>(n) {
+            fh[n] = along * fh[n];
+        }
+    }
+    let across = -(scale * product * N::of(1.0 / 3.0) / j);
+    Distortion { energy: N::of(0.5) * along * product, stress: fh, across }
 }
 
 /// J^-2/3 C; below J_m with phi(J) for J^-2/3.
 #[must_use]
-pub fn unimodular(f: &Gradient<f64>, j: f64) -> Symmetric {
+#[inline(always)]
+pub(crate) fn unimodular<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N) -> [N; 6] {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let scale = r * r * excess(lack);
-    let dot = |a: usize, b: usize| scale * (f[a] * f[b] + f[3 + a] * f[3 + b] + f[6 + a] * f[6 + b]);
-    [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)]
+    of_columns::<N, AXISYMMETRIC>(scale, f, f)
 }
 
-/// X : Y.
-#[must_use]
-pub fn contract(x: &Symmetric, y: &Symmetric) -> f64 {
-    x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + 2.0 * (x[3] * y[3] + x[4] * y[4] + x[5] * y[5])
+/// s A^T B, or its symmetric part.
+#[inline(always)]
+fn of_columns<N: Number, const AXISYMMETRIC: bool>(scale: N, a: &Gradient<N>, b: &Gradient<N>) -> [N; 6] {
+    let half = N::of(0.5) * scale;
+    if AXISYMMETRIC {
+        let zero = N::default();
+        let across = column::<N, true>(a, b, 2, 0) + column::<N, true>(a, b, 0, 2);
+        let along = [column::<N, true>(a, b, 0, 0), column::<N, true>(a, b, 2, 2)];
+        return [scale * along[0], scale * (a[4] * b[4]), scale * along[1], zero, zero, half * across];
+    }
+    [
+        scale * column::<N, false>(a, b, 0, 0),
+        scale * column::<N, false>(a, b, 1, 1),
+        scale * column::<N, false>(a, b, 2, 2),
+        half * (column::<N, false>(a, b, 0, 1) + column::<N, false>(a, b, 1, 0)),
+        half * (column::<N, false>(a, b, 1, 2) + column::<N, false>(a, b, 2, 1)),
+        half * (column::<N, false>(a, b, 2, 0) + column::<N, false>(a, b, 0, 2)),
+    ]
+}
+
+/// Inner product of two columns.
+#[inline(always)]
+fn column<N: Number, const AXISYMMETRIC: bool>(a: &Gradient<N>, b: &Gradient<N>, i: usize, k: usize) -> N {
+    let last = a[6 + i] * b[6 + k];
+    a[i].product_sum(b[k], if AXISYMMETRIC { last } else { a[3 + i].product_sum(b[3 + k], last) })
 }
 
 /// Pi = J^2/3 F^-1 P of a stress without pressure, Pa.
 #[must_use]
-pub fn reference_stress(cof: &Gradient<f64>, j: f64, p: &Gradient<f64>) -> Symmetric {
-    let j = j.max(MIN_JACOBIAN);
-    let r = j.inverse_cube_root();
-    let scale = r; // J^2/3 / J
-    let at = |i: usize, k: usize| scale * (cof[i] * p[k] + cof[3 + i] * p[3 + k] + cof[6 + i] * p[6 + k]);
-    let mean = |i: usize, k: usize| 0.5 * (at(i, k) + at(k, i));
-    [at(0, 0), at(1, 1), at(2, 2), mean(0, 1), mean(1, 2), mean(2, 0)]
+#[inline(always)]
+pub(crate) fn reference_stress<N: Number, const AXISYMMETRIC: bool>(
+    cof: &Gradient<N>,
+    j: N,
+    p: &Gradient<N>,
+) -> [N; 6] {
+    // J^2/3 / J
+    let scale = clamped(j).0.inverse_cube_root();
+    of_columns::<N, AXISYMMETRIC>(scale, cof, p)
 }

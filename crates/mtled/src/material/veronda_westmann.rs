@@ -8,34 +8,37 @@
 //! modulus is 2 (mu - mu/2) = mu. From an exponent of [`LARGEST`] on the exponential goes on as its parabola, so that
 //! the arithmetic stays finite until the health check sees the point.
 
-use super::invariants::Slopes;
+use super::invariants::{OfInvariants, Slopes};
+use crate::number::Number;
 
 /// Largest exponent that is taken.
 pub const LARGEST: f64 = 40.0;
 
 /// Constants of the law.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct VerondaWestmann {
+pub struct VerondaWestmann<N = f64> {
     /// mu, Pa.
-    pub shear_modulus: f64,
+    pub shear_modulus: N,
     /// c, which says how fast the tissue stiffens.
-    pub exponent: f64,
+    pub exponent: N,
 }
 
-impl VerondaWestmann {
-    /// w(a, b) with its derivatives.
-    #[must_use]
-    pub fn slopes(&self, a: f64, b: f64) -> Slopes {
+impl<N: Number> OfInvariants<N> for VerondaWestmann<N> {
+    const SECOND: bool = true;
+
+    #[inline(always)]
+    fn slopes(&self, a: N, b: N) -> Slopes<N> {
         let Self { shear_modulus: mu, exponent: c } = *self;
-        let x = c * (a - 3.0);
-        let beyond = (x - LARGEST).max(0.0);
-        let top = x.min(LARGEST).exp();
+        let (zero, half, one, three) = (N::default(), N::of(0.5), N::of(1.0), N::of(3.0));
+        let x = c * (a - three);
+        let beyond = (x - N::of(LARGEST)).max(zero);
         // exp(x) - 1, whose digits survive at small strain
-        let excess = x.min(LARGEST).exp_m1() + top * beyond * (1.0 + 0.5 * beyond);
+        let excess = (x - beyond).exp_m1();
+        let top = one + excess;
         Slopes {
-            w: mu / c * excess - 0.5 * mu * (b - 3.0),
-            a: mu * top * (1.0 + beyond),
-            b: -0.5 * mu,
+            w: mu / c * (excess + top * beyond * (one + half * beyond)) - half * mu * (b - three),
+            a: mu * top * (one + beyond),
+            b: -(half * mu),
             aa: mu * c * top,
             ..Slopes::default()
         }

@@ -10,6 +10,7 @@
 //! Functions take the dilation J - 1, which keeps its digits where J is near 1, and give u, u' without kappa.
 
 use super::neo_hookean::MIN_JACOBIAN;
+use crate::number::Number;
 
 /// Which energy (`material.volumetric`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -53,33 +54,39 @@ impl Volumetric {
 
     /// u'', relative to kappa.
     #[must_use]
-    pub fn curvature(self, dilation: f64) -> f64 {
+    #[inline(always)]
+    pub fn curvature<N: Number>(self, dilation: N) -> N {
         match self {
-            Self::Quadratic => 1.0,
-            Self::Logarithmic => log_curvature(dilation.max(LEAST)),
+            Self::Quadratic => N::of(1.0),
+            Self::Logarithmic => log_curvature(dilation.max(N::of(LEAST))),
         }
     }
 
     /// The dilation at which u' has this value.
     #[must_use]
-    pub fn dilation(self, slope: f64) -> f64 {
+    #[inline(always)]
+    pub fn dilation<N: Number>(self, slope: N) -> N {
         match self {
             Self::Quadratic => slope,
             Self::Logarithmic => {
-                let s = slope.max(log_slope(LEAST));
+                let (one, least) = (N::of(1.0), N::of(LEAST));
+                let s = slope.max(log_slope(least));
                 // J = s + (s^2 + 1)^1/2, less 1, with no difference of like numbers
-                s + s * s / ((s * s + 1.0).sqrt() + 1.0) + (slope - s) / log_curvature(LEAST)
+                s + s * s / ((s * s + one).sqrt() + one) + (slope - s) / log_curvature(least)
             }
         }
     }
 }
 
 /// (J - 1/J)/2 with J = 1 + d.
-fn log_slope(d: f64) -> f64 {
-    0.5 * d * (2.0 + d) / (1.0 + d)
+#[inline(always)]
+fn log_slope<N: Number>(d: N) -> N {
+    N::of(0.5) * d * (N::of(2.0) + d) / (N::of(1.0) + d)
 }
 
 /// (1 + 1/J^2)/2.
-fn log_curvature(d: f64) -> f64 {
-    0.5 + 0.5 / ((1.0 + d) * (1.0 + d))
+#[inline(always)]
+fn log_curvature<N: Number>(d: N) -> N {
+    let half = N::of(0.5);
+    half + half / ((N::of(1.0) + d) * (N::of(1.0) + d))
 }

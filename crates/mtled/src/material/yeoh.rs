@@ -4,17 +4,34 @@
 //! W = C10 x + C20 x^2 + C30 x^3,    x = J^-2/3 I1 - 3          mu = 2 C10
 //! ```
 
-use super::invariants::Slopes;
+use super::invariants::{OfInvariants, Slopes};
+use crate::number::Number;
 
 /// Constants of the law, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Yeoh {
+pub struct Yeoh<N = f64> {
     /// C10.
-    pub c10: f64,
+    pub c10: N,
     /// C20.
-    pub c20: f64,
+    pub c20: N,
     /// C30.
-    pub c30: f64,
+    pub c30: N,
+}
+
+impl<N: Number> OfInvariants<N> for Yeoh<N> {
+    const SECOND: bool = false;
+
+    #[inline(always)]
+    fn slopes(&self, a: N, _: N) -> Slopes<N> {
+        let Self { c10, c20, c30 } = *self;
+        let (x, two, three) = (a - N::of(3.0), N::of(2.0), N::of(3.0));
+        Slopes {
+            w: x * (c10 + x * (c20 + x * c30)),
+            a: c10 + x * (two * c20 + three * c30 * x),
+            aa: two * c20 + N::of(6.0) * c30 * x,
+            ..Slopes::default()
+        }
+    }
 }
 
 impl Yeoh {
@@ -22,19 +39,6 @@ impl Yeoh {
     #[must_use]
     pub fn shear_modulus(&self) -> f64 {
         2.0 * self.c10
-    }
-
-    /// w(a) with its derivatives.
-    #[must_use]
-    pub fn slopes(&self, a: f64, _: f64) -> Slopes {
-        let Self { c10, c20, c30 } = *self;
-        let x = a - 3.0;
-        Slopes {
-            w: x * (c10 + x * (c20 + x * c30)),
-            a: c10 + x * (2.0 * c20 + 3.0 * c30 * x),
-            aa: 2.0 * c20 + 6.0 * c30 * x,
-            ..Slopes::default()
-        }
     }
 
     /// Whether the stress in shear grows with the strain at every strain: dW/dx > 0 for all x >= 0.

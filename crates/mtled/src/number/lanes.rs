@@ -81,16 +81,6 @@ impl<T: Real> Lanes<T> {
         out
     }
 
-    /// Lane by lane: `self` where `condition` is above zero, else `other`.
-    #[inline(always)]
-    pub fn where_positive(self, condition: Self, other: Self) -> Self {
-        let mut out = other;
-        for i in 0..LANES {
-            out.0[i] = if condition.0[i] > T::default() { self.0[i] } else { other.0[i] };
-        }
-        out
-    }
-
     /// The lanes whose bit is set, zero in the others.
     #[inline(always)]
     pub fn where_bit(self, bits: u8) -> Self {
@@ -122,6 +112,8 @@ impl<T: Real> Lanes<T> {
 }
 
 impl<T: Real> Number for Lanes<T> {
+    const EPSILON: f64 = T::EPSILON;
+    const IS_ARRAY: bool = true;
     #[inline(always)]
     fn of(x: f64) -> Self {
         Self::splat(T::of(x))
@@ -157,6 +149,26 @@ impl<T: Real> Number for Lanes<T> {
             y = super::real::inverse_cube_root_iteration(self, y);
         }
         y
+    }
+    #[inline(always)]
+    fn where_positive(self, condition: Self, other: Self) -> Self {
+        let mut out = other;
+        for i in 0..LANES {
+            out.0[i] = if condition.0[i] > T::default() { self.0[i] } else { other.0[i] };
+        }
+        out
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        self.map(Number::exp_m1)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.map(Number::ln)
+    }
+    #[inline(always)]
+    fn two_thirds_of_angle(self) -> Self {
+        self.map(Number::two_thirds_of_angle)
     }
 }
 

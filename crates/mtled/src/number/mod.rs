@@ -1,5 +1,6 @@
 //! Numbers: the kernel's scalar type, and eight of them side by side in one vector register.
 
+mod elementary;
 #[allow(unsafe_code)] // vector instructions
 pub mod lanes;
 #[allow(unsafe_code)] // the same

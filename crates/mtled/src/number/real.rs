@@ -4,6 +4,7 @@ use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
+use super::elementary;
 use super::lanes::{self, Lanes};
 use super::vector::Pass;
 
@@ -24,6 +25,10 @@ pub trait Number:
     /// The larger of two.
     #[must_use]
     fn max(self, other: Self) -> Self;
+    /// The distance from 1 to the next larger number.
+    const EPSILON: f64;
+    /// Whether it is an array, of which compilers make long code.
+    const IS_ARRAY: bool = false;
     /// self * b + c, rounded once: the same bits with and without hardware support.
     #[must_use]
     fn fma(self, b: Self, c: Self) -> Self;
@@ -36,6 +41,18 @@ pub trait Number:
     /// x^(-1/3) for x > 0.
     #[must_use]
     fn inverse_cube_root(self) -> Self;
+    /// Lane by lane: `self` where `condition` is above zero, else `other`.
+    #[must_use]
+    fn where_positive(self, condition: Self, other: Self) -> Self;
+    /// exp(x) - 1, see [`super::elementary`].
+    #[must_use]
+    fn exp_m1(self) -> Self;
+    /// ln x for x > 0, the same.
+    #[must_use]
+    fn ln(self) -> Self;
+    /// cos(2/3 acos u) for u in 0..1, the same.
+    #[must_use]
+    fn two_thirds_of_angle(self) -> Self;
 }
 
 /// A floating-point type.
@@ -83,8 +100,12 @@ pub(super) fn inverse_cube_root_iteration<N: Number>(x: N, y: N) -> N {
 }
 
 macro_rules! real {
-    ($t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal, $product_sum:expr $(, $own:item)*) => {
+    (
+        $t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal, $product_sum:expr,
+        [$exp_m1:expr, $ln:expr, $two_thirds:expr] $(, $own:item)*
+    ) => {
         impl Number for $t {
+            const EPSILON: f64 = <$t>::EPSILON as f64;
             #[inline(always)]
             fn of(x: f64) -> Self {
                 x as Self
@@ -112,6 +133,22 @@ macro_rules! real {
                     y = inverse_cube_root_iteration(self, y);
                 }
                 y
+            }
+            #[inline(always)]
+            fn where_positive(self, condition: Self, other: Self) -> Self {
+                if condition > 0.0 { self } else { other }
+            }
+            #[inline(always)]
+            fn exp_m1(self) -> Self {
+                $exp_m1(self)
+            }
+            #[inline(always)]
+            fn ln(self) -> Self {
+                $ln(self)
+            }
+            #[inline(always)]
+            fn two_thirds_of_angle(self) -> Self {
+                $two_thirds(self)
             }
         }
 
@@ -147,6 +184,7 @@ real!(
     3,
     0x54a2_1f14,
     f32::mul_add,
+    [elementary::exp_m1, elementary::ln, elementary::two_thirds_of_angle],
     fn sum_and_clear(lanes: &mut [[Lanes<f32>; 3]], sums: &mut [[f32; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if lanes::has_avx2() {
@@ -161,10 +199,18 @@ real!(
             // SAFETY: the processor has both features.
             return unsafe { super::vector::run_avx2(pass) };
         }
-        lanes::run(Portable(pass, PhantomData::<Self>));
+        pass.go::<Lanes<Self>>();
     }
 );
-real!(f64, f64, None, 4, 0x553e_f0ff_289d_d796, |a: f64, b, c| a * b + c);
+real!(
+    f64,
+    f64,
+    None,
+    4,
+    0x553e_f0ff_289d_d796,
+    |a: f64, b, c| a * b + c,
+    [f64::exp_m1, f64::ln, |u: f64| (u.min(1.0).acos() * (2.0 / 3.0)).cos()]
+);
 
 #[cfg(test)]
 mod tests {

@@ -17,9 +17,6 @@ pub trait Vector<T: Real>: Number {
     fn store(self) -> Lanes<T>;
     /// Of numbers as they are kept in memory.
     fn widen(stored: &[T::Stored; LANES]) -> Self;
-    /// Lane by lane: `self` where `condition` is above zero, else `other`.
-    #[must_use]
-    fn where_positive(self, condition: Self, other: Self) -> Self;
     /// The smaller of two; `other` where either is not a number.
     #[must_use]
     fn min(self, other: Self) -> Self;
@@ -43,10 +40,6 @@ impl<T: Real> Vector<T> for Lanes<T> {
     #[inline(always)]
     fn widen(stored: &[T::Stored; LANES]) -> Self {
         Self::load(stored)
-    }
-    #[inline(always)]
-    fn where_positive(self, condition: Self, other: Self) -> Self {
-        self.where_positive(condition, other)
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -88,6 +81,7 @@ mod avx2 {
     use std::arch::x86_64 as x86;
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
+    use super::super::elementary::{self, LEAST_FRACTION, ONE, Single};
     use super::{LANES, Lanes, Number, Pass, Real, Vector};
 
     /// Runs a pass in single precision.
@@ -151,6 +145,7 @@ mod avx2 {
     }
 
     impl Number for Eight {
+        const EPSILON: f64 = f32::EPSILON as f64;
         #[inline(always)]
         fn of(x: f64) -> Self {
             Self::splat(x as f32)
@@ -179,6 +174,54 @@ mod avx2 {
             }
             y
         }
+        #[inline(always)]
+        fn where_positive(self, condition: Self, other: Self) -> Self {
+            instruction!(select(condition.0, self.0, other.0))
+        }
+        #[inline(always)]
+        fn exp_m1(self) -> Self {
+            elementary::exp_m1(self)
+        }
+        #[inline(always)]
+        fn ln(self) -> Self {
+            elementary::ln(self)
+        }
+        #[inline(always)]
+        fn two_thirds_of_angle(self) -> Self {
+            elementary::two_thirds_of_angle(self)
+        }
+    }
+
+    impl Single for Eight {
+        #[inline(always)]
+        fn power_of_two(self) -> Self {
+            instruction!(power_of_two(self.0))
+        }
+        #[inline(always)]
+        fn split(self) -> [Self; 2] {
+            // SAFETY: the processor has AVX2, see [`Eight`].
+            let [fraction, exponent] = unsafe { split(self.0) };
+            [Eight(fraction), Eight(exponent)]
+        }
+    }
+
+    /// [`Single::power_of_two`].
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn power_of_two(x: x86::__m256) -> x86::__m256 {
+        let bits = x86::_mm256_slli_epi32::<23>(x86::_mm256_castps_si256(x));
+        x86::_mm256_castsi256_ps(x86::_mm256_add_epi32(bits, x86::_mm256_set1_epi32(ONE)))
+    }
+
+    /// [`Single::split`].
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn split(x: x86::__m256) -> [x86::__m256; 2] {
+        let bits = x86::_mm256_castps_si256(x);
+        let exponent =
+            x86::_mm256_srai_epi32::<23>(x86::_mm256_sub_epi32(bits, x86::_mm256_set1_epi32(LEAST_FRACTION)));
+        let fraction = x86::_mm256_sub_epi32(bits, x86::_mm256_slli_epi32::<23>(exponent));
+        [x86::_mm256_castsi256_ps(fraction), x86::_mm256_cvtepi32_ps(exponent)]
     }
 
     impl Eight {
@@ -251,10 +294,6 @@ mod avx2 {
             instruction!(widened(stored))
         }
         #[inline(always)]
-        fn where_positive(self, condition: Self, other: Self) -> Self {
-            instruction!(select(condition.0, self.0, other.0))
-        }
-        #[inline(always)]
         fn min(self, other: Self) -> Self {
             instruction!(x86::_mm256_min_ps(self.0, other.0))
         }
@@ -286,6 +325,9 @@ mod tests {
                     sum.store(),
                     x.max(sum).store(),
                     positive.sqrt().store(),
+                    (x * V::of(80.0)).exp_m1().store(),
+                    positive.ln().store(),
+                    x.max(V::of(0.0)).two_thirds_of_angle().store(),
                     load_all::<f32, V, 1>(&[Lanes(stored.map(f32::from))])[0].store(),
                 ]);
                 out.push(Lanes::splat(if V::of(0.0).is_zero() && !positive.is_zero() { 1.0 } else { 0.0 }));
@@ -301,6 +343,6 @@ mod tests {
         Sample(&stored, &mut arrays).go::<Lanes<f32>>();
         run_pass(Sample(&stored, &mut registers));
         assert_eq!(arrays, registers);
-        assert!(arrays.iter().skip(4).step_by(5).all(|x| *x == Lanes::splat(1.0)));
+        assert!(arrays.iter().skip(7).step_by(8).all(|x| *x == Lanes::splat(1.0)));
     }
 }

@@ -210,7 +210,7 @@ impl<T: Real> Kernel<T> {
 
     /// What a material that relaxes remembers at first, by block.
     pub(super) fn memory(&self) -> Vec<Memory> {
-        self.tables.blocks.iter().map(|b| Memory::new(&self.of(b).law.prony, b.point.len())).collect()
+        self.tables.blocks.iter().map(|b| Memory::new(&self.of(b).law.prony, b.volume.len(), b.form)).collect()
     }
 
     /// Scratch memory for a team of so many threads.
@@ -360,7 +360,7 @@ impl<T: Real> Kernel<T> {
     ) {
         pool.each(Each::new(memory), |b, memory| {
             let block = &self.tables.blocks[b];
-            memory.commit(block, &points.active[b], &scratch.blocks[b], &self.of(block).law, dt);
+            memory.commit(block, &points.active[b], &scratch.blocks[b], self.of(block), dt);
         });
     }
 

@@ -18,7 +18,7 @@ use super::disjoint::Chunks;
 use super::kernel::NODES_PER_CHUNK;
 use super::memory::Memory;
 use super::model::{Model, Workspace, with_kernel};
-use super::points::{Constants, PointLaw, Relaxing};
+use super::points::{Constants, InLanes, PointLaw, Relaxing};
 use super::state::State;
 use crate::number::Real;
 use crate::number::vector::{Pass, Vector, load_all, run_pass};
@@ -73,12 +73,16 @@ impl<T: Real> Block<T> {
         lanes: &mut ForceOfLane<T>,
         force: &mut [[T; 3]],
     ) {
-        match (constants.of_mixed(), constants.plain()) {
-            (Some(law), _) => run_pass(Bound { block: self, law: &law, scratch, lanes, force }),
-            (None, Some(law)) => run_pass(Bound { block: self, law: &law, scratch, lanes, force }),
-            (None, None) => {
-                run_pass(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force })
-            }
+        // how stiff a point is does not depend on what it remembers
+        if let Some(law) = constants.of_mixed() {
+            run_pass(Bound { block: self, law: &law, scratch, lanes, force });
+        } else if let Some(law) = constants.plain() {
+            run_pass(Bound { block: self, law: &law, scratch, lanes, force });
+        } else if let Some(volume) = constants.volume() {
+            let law = InLanes::<_, false> { shape: constants.shape(), volume, memory };
+            run_pass(Bound { block: self, law: &law, scratch, lanes, force });
+        } else {
+            run_pass(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force });
         }
     }
 }

@@ -4,31 +4,48 @@
 //! H and gamma for the increment that ends at a pose, any number of steps finds the balance, [`Memory::commit`] takes
 //! the deformation that was found into the history.
 
-use crate::material::neo_hookean::{cofactor, determinant};
+use crate::material::Prony;
+use crate::material::neo_hookean::{cofactor_in, determinant_in};
 use crate::material::ogden::Symmetric;
-use crate::material::prony::{MOST_TERMS, contract, reference_stress, unimodular};
-use crate::material::{Law, Prony};
+use crate::material::prony::{Increment, MOST_TERMS, reference_stress, unimodular};
+use crate::material::shape::Shape;
+use crate::number::lanes::{Loop, run};
+use crate::number::vector::{Pass, Vector, run_pass};
+use crate::number::{LANES, Lanes, Number, Real};
 
 use super::block::{Block, BlockScratch};
 use super::cloned::cloned_field_by_field;
-use crate::number::{LANES, Lanes, Real};
+use super::lane_law::with_pressure;
+use super::passes::load;
+use super::points::{AnyShape, Constants, Splat};
+use crate::approximation::Form;
 
-const ZERO: Symmetric = [0.0; 6];
+/// A symmetric tensor of each point of a group. In double precision: a step of time may change it by less than a single's last digit.
+type OfGroup = [Lanes<f64>; 6];
+
+const ZERO: OfGroup = [Lanes([0.0; LANES]); 6];
+
+/// Whether a component of a symmetric tensor may differ from zero: with symmetry of revolution none that shears the hoop direction does.
+const fn is_kept<const AXISYMMETRIC: bool>(k: usize) -> bool {
+    !AXISYMMETRIC || k < 3 || k == 5
+}
 
 cloned_field_by_field! {
     /// Memory of one block; empty for a material that does not relax.
     #[derive(Debug, Default)]
     pub struct Memory {
-        /// H of each slot, Pa.
-        pub held: Vec<Symmetric>,
+        /// H of each group, Pa.
+        held: Vec<OfGroup>,
         /// gamma.
         pub elastic: f64,
         /// What makes the block's energy go on without a jump where H and gamma change, J: with it, the energy is the
         /// work done on the points, stored or lost.
         pub offset: f64,
-        /// Pi, then h_i, of each point at the last commit, Pa.
-        stress: Vec<Symmetric>,
+        /// Pi, then h_i, of each group at the last commit, Pa.
+        stress: Vec<OfGroup>,
         sums: Sums,
+        /// Whether it is of a half plane.
+        axisymmetric: bool,
     }
 }
 
@@ -46,20 +63,30 @@ pub struct Sums {
 }
 
 impl Memory {
-    /// One point within an increment.
+    /// One group within an increment, all its points alike.
     #[cfg(test)]
     pub fn holding(held: Symmetric, elastic: f64) -> Self {
-        Self { held: vec![held], elastic, ..Self::default() }
+        Self { held: vec![held.map(Lanes::splat)], elastic, ..Self::default() }
     }
 
-    /// Memory of so many slots; none for an elastic material.
+    /// Memory of so many groups; none for an elastic material.
     #[must_use]
-    pub fn new(prony: &Prony, slots: usize) -> Self {
+    pub fn new(prony: &Prony, groups: usize, form: Form) -> Self {
         if prony.is_empty() {
             return Self::default();
         }
-        let stress = vec![ZERO; (1 + prony.len()) * slots];
-        Self { held: vec![ZERO; slots], elastic: 1.0, offset: 0.0, stress, sums: Sums::default() }
+        Self {
+            held: vec![ZERO; groups],
+            elastic: 1.0,
+            stress: vec![ZERO; (1 + prony.len()) * groups],
+            axisymmetric: matches!(form, Form::Axisymmetric),
+            ..Self::default()
+        }
+    }
+
+    /// Whether the material does not relax.
+    pub fn is_empty(&self) -> bool {
+        self.held.is_empty()
     }
 
     /// Integrals at the last commit.
@@ -67,19 +94,37 @@ impl Memory {
     pub fn sums(&self) -> &Sums {
         &self.sums
     }
+
+    /// H of the point in one slot; `None` for an elastic material.
+    pub fn held_in(&self, slot: usize) -> Option<Symmetric> {
+        self.held.get(slot / LANES).map(|held| held.map(|h| h.0[slot % LANES]))
+    }
+
+    /// H of a group's points.
+    #[inline(always)]
+    pub fn held_by<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(&self, group: usize) -> [V; 6] {
+        let mut held = [V::default(); 6];
+        for k in 0..6 {
+            if is_kept::<AXISYMMETRIC>(k) {
+                held[k] = V::load(&Lanes::narrow(self.held[group][k]));
+            }
+        }
+        held
+    }
 }
 
 impl Memory {
     /// Fixes H and gamma for an increment of `dt` seconds from the last commit.
     pub(super) fn begin(&mut self, series: &Prony, dt: f64) {
+        if self.is_empty() {
+            return;
+        }
         let increment = series.increment(dt);
-        for (held, history) in self.held.iter_mut().zip(self.stress.chunks_exact(1 + series.len())) {
-            *held = ZERO;
-            for i in 0..series.len() {
-                for k in 0..6 {
-                    held[k] += increment.decay[i] * history[1 + i][k] - increment.ramp[i] * history[0][k];
-                }
-            }
+        let (terms, held, stress) = (series.len(), &mut self.held, &self.stress);
+        if self.axisymmetric {
+            run(Begin::<true> { terms, increment: &increment, held, stress });
+        } else {
+            run(Begin::<false> { terms, increment: &increment, held, stress });
         }
         self.elastic = increment.elastic;
         // Pi : C = 0 at the deformation of the commit, so the old Pi adds nothing here
@@ -93,37 +138,133 @@ impl Memory {
         block: &Block<T>,
         active: &[Lanes<T>],
         scratch: &BlockScratch<T>,
-        law: &Law,
+        constants: &Constants,
         dt: f64,
     ) {
-        let series = &law.prony;
-        let increment = series.increment(dt);
-        let long_term = series.long_term_share();
-        let mut sums = Sums { work: self.offset, ..Sums::default() };
-        for (slot, history) in self.stress.chunks_exact_mut(1 + series.len()).enumerate() {
-            let volume = active[slot / LANES].0[slot % LANES].get() * block.volume_in(slot);
-            let f = scratch.deformation_in(slot);
-            let cof = cofactor(&f);
-            let j = determinant(&f, &cof);
-            let c = unimodular(&f, j);
-            let (w, stress) = law.distortion(&f, &cof, j);
-            let new = reference_stress(&cof, j, &stress);
-            let mut total = new.map(|x| long_term * x);
-            for i in 0..series.len() {
-                let old = history[0];
-                let h = &mut history[1 + i];
-                for k in 0..6 {
-                    h[k] = increment.decay[i] * h[k] + increment.ramp[i] * (new[k] - old[k]);
-                    total[k] += h[k];
-                }
-                sums.held[i] += 0.5 * volume * contract(h, &c);
-                sums.terms[i] += volume * contract(h, h);
-            }
-            history[0] = new;
-            sums.elastic += volume * w;
-            sums.total += volume * contract(&total, &total);
-            sums.work += volume * (self.elastic * w + 0.5 * contract(&self.held[slot], &c));
+        if self.is_empty() {
+            return;
         }
-        self.sums = sums;
+        let series = &constants.law.prony;
+        let (terms, long_term, increment) = (series.len(), series.long_term_share(), series.increment(dt));
+        let (planar, memory) = (self.axisymmetric, self);
+        let (shape, increment) = (constants.shape(), &increment);
+        if planar {
+            run_pass(Commit::<_, true> { shape, block, active, scratch, terms, long_term, increment, memory });
+        } else {
+            run_pass(Commit::<_, false> { shape, block, active, scratch, terms, long_term, increment, memory });
+        }
     }
+}
+
+/// The loop of [`Memory::begin`].
+struct Begin<'a, const AXISYMMETRIC: bool> {
+    terms: usize,
+    increment: &'a Increment,
+    held: &'a mut [OfGroup],
+    stress: &'a [OfGroup],
+}
+
+impl<const AXISYMMETRIC: bool> Loop for Begin<'_, AXISYMMETRIC> {
+    #[inline(always)]
+    fn go(self) {
+        let Self { terms, increment, held, stress } = self;
+        for (held, history) in held.iter_mut().zip(stress.chunks_exact(1 + terms)) {
+            for k in 0..6 {
+                if is_kept::<AXISYMMETRIC>(k) {
+                    let mut sum = Lanes::default();
+                    for i in 0..terms {
+                        let (decay, ramp) = (Lanes::splat(increment.decay[i]), Lanes::splat(increment.ramp[i]));
+                        sum += decay * history[1 + i][k] - ramp * history[0][k];
+                    }
+                    held[k] = sum;
+                }
+            }
+        }
+    }
+}
+
+/// The loop of [`Memory::commit`].
+struct Commit<'a, T: Real, const AXISYMMETRIC: bool> {
+    shape: AnyShape<T>,
+    block: &'a Block<T>,
+    active: &'a [Lanes<T>],
+    scratch: &'a BlockScratch<T>,
+    terms: usize,
+    long_term: f64,
+    increment: &'a Increment,
+    memory: &'a mut Memory,
+}
+
+impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Commit<'_, T, AXISYMMETRIC> {
+    #[inline(always)]
+    fn go<V: Vector<T>>(self) {
+        let Self { shape, block, active, scratch, terms, long_term, increment, memory } = self;
+        let (zero, half) = (V::default(), V::of(0.5));
+        let (long_term, gamma) = (V::of(long_term), V::of(memory.elastic));
+        let (mut elastic, mut work, mut totals) = (zero, zero, zero);
+        let (mut held, mut squares) = ([zero; MOST_TERMS], [zero; MOST_TERMS]);
+        for group in 0..memory.held.len() {
+            let f = load::<T, V, AXISYMMETRIC>(&scratch.deformation[group]);
+            let cof = cofactor_in::<V, AXISYMMETRIC>(&f);
+            let j = determinant_in::<V, AXISYMMETRIC>(&f, &cof);
+            let now = Splat(&shape).distortion::<AXISYMMETRIC>(&f, &cof, j);
+            let stress = with_pressure::<V, AXISYMMETRIC>(now.stress, &cof, now.across);
+            let new = reference_stress::<V, AXISYMMETRIC>(&cof, j, &stress);
+            let c = unimodular::<V, AXISYMMETRIC>(&f, j);
+            let volume = V::load(&active[group]) * V::load(&block.volume[group]);
+            // what is no tissue must not spoil the sums
+            let here = volume * volume;
+            let last = memory.held_by::<T, V, AXISYMMETRIC>(group);
+            let history = &mut memory.stress[(1 + terms) * group..][..1 + terms];
+            let (mut total, mut change) = (new, ZERO);
+            for k in 0..6 {
+                if is_kept::<AXISYMMETRIC>(k) {
+                    total[k] = long_term * new[k];
+                    let new = new[k].store().wide();
+                    change[k] = new - history[0][k];
+                    history[0][k] = new;
+                }
+            }
+            for i in 0..terms {
+                let (decay, ramp) = (Lanes::splat(increment.decay[i]), Lanes::splat(increment.ramp[i]));
+                let mut h = [zero; 6];
+                for k in 0..6 {
+                    if is_kept::<AXISYMMETRIC>(k) {
+                        let now = decay * history[1 + i][k] + ramp * change[k];
+                        history[1 + i][k] = now;
+                        h[k] = V::load(&Lanes::narrow(now));
+                        total[k] += h[k];
+                    }
+                }
+                held[i] += (volume * contract::<V, AXISYMMETRIC>(&h, &c)).where_positive(here, zero);
+                squares[i] += (volume * contract::<V, AXISYMMETRIC>(&h, &h)).where_positive(here, zero);
+            }
+            elastic += (volume * now.energy).where_positive(here, zero);
+            totals += (volume * contract::<V, AXISYMMETRIC>(&total, &total)).where_positive(here, zero);
+            let done = gamma.product_sum(now.energy, half * contract::<V, AXISYMMETRIC>(&last, &c));
+            work += (volume * done).where_positive(here, zero);
+        }
+        let mut sums = Sums {
+            elastic: elastic.store().sum().get(),
+            work: memory.offset + work.store().sum().get(),
+            total: totals.store().sum().get(),
+            ..Sums::default()
+        };
+        for i in 0..terms {
+            sums.held[i] = 0.5 * held[i].store().sum().get();
+            sums.terms[i] = squares[i].store().sum().get();
+        }
+        memory.sums = sums;
+    }
+}
+
+/// X : Y.
+#[inline(always)]
+fn contract<N: Number, const AXISYMMETRIC: bool>(x: &[N; 6], y: &[N; 6]) -> N {
+    let along = x[0].product_sum(y[0], x[1].product_sum(y[1], x[2] * y[2]));
+    let mut off = x[5] * y[5];
+    if !AXISYMMETRIC {
+        off = x[3].product_sum(y[3], x[4].product_sum(y[4], off));
+    }
+    along + off + off
 }

@@ -5,7 +5,7 @@ use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_the
 
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::memory::Memory;
-use super::points::{Constants, PointLaw, Projected, Relaxing};
+use super::points::{Constants, InLanes, PointLaw, Projected, Relaxing};
 use super::strip::FIELDS;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::vector::{Pass, Vector, load_all, run_pass};
@@ -91,15 +91,22 @@ impl<T: Real> Block<T> {
         for (k, all) in [pressure, shrinkage].into_iter().enumerate().filter(|(_, all)| !all.is_empty()) {
             scratch.projected.iter_mut().zip(&self.vertices).for_each(|(local, &n)| local[k] = all[n as usize]);
         }
-        // the usual law has a loop of its own, with no choices in it
+        // each law has a loop of its own, with no choices in it
         if let Some(mixed) = constants.of_mixed() {
             self.spread(&mixed, active, scratch, lanes);
         } else if let Some(plain) = constants.plain() {
             self.spread(&plain, active, scratch, lanes);
+        } else if let Some(volume) = constants.volume() {
+            let shape = constants.shape();
+            if memory.is_empty() {
+                self.spread(&InLanes::<_, false> { shape, volume, memory }, active, scratch, lanes);
+            } else {
+                self.spread(&InLanes::<_, true> { shape, volume, memory }, active, scratch, lanes);
+            }
         } else {
             self.spread(&Relaxing { constants, memory }, active, scratch, lanes);
-            scratch.energy += memory.offset;
         }
+        scratch.energy += memory.offset;
         T::sum_and_clear(lanes, force);
         // what pulls an image pulls its node the mirrored way
         for force in &mut force[self.originals..] {

@@ -1,13 +1,14 @@
 //! The law at one integration point, as the loop of pass 2 sees it.
 
-use crate::material::invariants::{self, Slopes};
-use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant, excess};
-use crate::material::{Distortional, Law, Volumetric};
+use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant};
+use crate::material::shape::{self, Distortion, NeoHookean as NeoHookeanShape, Shape, Wave};
+use crate::material::stretches::{OfTerms, Stretches, Term, Terms};
+use crate::material::{Distortional, Law, MooneyRivlin, VerondaWestmann, Volumetric, Yeoh};
 
 use super::VolumeRatio;
 use super::collapse::{collapse, collapse_curvature};
 use super::dilatation::POINTWISE_BULK;
-use super::lane_law::NeoHookean;
+use super::lane_law::{LaneShape, NeoHookean, Volume, WideLaw, WithVolume};
 use super::memory::Memory;
 use super::mixed::{self, Mixed};
 use crate::number::{LANES, Lanes};
@@ -85,9 +86,6 @@ impl Constants {
     pub fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
         let cof = cofactor(f);
         let (j, lack) = clamped(determinant(f, &cof));
-        let c2 = largest_square(&cof);
-        let root = j.inverse_cube_root();
-        let cube = root * root;
         let pointwise =
             if self.resists_collapse { collapse_curvature(j) } else { self.law.volumetric.curvature(j - 1.0) };
         let projected = match self.projected {
@@ -95,30 +93,20 @@ impl Constants {
             _ => 0.0,
         };
         let bulk = self.projected * projected + self.pointwise * pointwise;
-        let plain = |mu: f64| plane_wave(f, c2, j, cube * excess(lack), mu, bulk);
-        // below J_m the masses grow in the proportion in which the neo-Hookean law stiffens
-        let other = |slopes: &dyn Fn(f64, f64) -> Slopes| {
-            excess(lack) * invariants::stiffness(slopes, f, &cof, j, largest_square(f), c2) + bulk * c2
-        };
+        let c2 = largest_square(&cof);
+        let wave = Wave { f, cof: &cof, j, lack, largest: largest_square(f), c2, bulk };
         match &self.law.distortional {
-            Distortional::NeoHookean { shear_modulus } => plain(*shear_modulus),
-            Distortional::Ogden(law) => plain(law.stiffness(cube * largest_square(f), cube * j * j / c2)),
-            Distortional::MooneyRivlin(law) => other(&|a, b| law.slopes(a, b)),
-            Distortional::Yeoh(law) => other(&|a, b| law.slopes(a, b)),
-            Distortional::VerondaWestmann(law) => other(&|a, b| law.slopes(a, b)),
+            Distortional::NeoHookean { shear_modulus } => wave.of_modulus(*shear_modulus),
+            Distortional::Ogden(law) => {
+                let root = j.inverse_cube_root();
+                let cube = root * root;
+                wave.of_modulus(law.stiffness(cube * wave.largest, cube * j * j / c2))
+            }
+            Distortional::MooneyRivlin(law) => Shape::stiffness(law, &wave),
+            Distortional::Yeoh(law) => Shape::stiffness(law, &wave),
+            Distortional::VerondaWestmann(law) => Shape::stiffness(law, &wave),
         }
     }
-}
-
-/// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3. A bound below J_m as well, where `cube` is phi(J) and
-/// the last term, with J_m for J, has no cause any more.
-#[inline(always)]
-pub(super) fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
-    let mut i1 = T::default();
-    for x in f {
-        i1 += *x * *x;
-    }
-    bulk * c2 + mu * (cube + T::of(5.0 / 9.0) * cube * i1 * c2 / (j * j))
 }
 
 /// About the square of the largest singular value: tr S^5 / tr S^4 with S = A^T A, exact where one value dominates or
@@ -186,7 +174,190 @@ pub trait PointLaw<T: Real> {
     fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V;
 }
 
-/// Any law, with memory if it relaxes. In double precision: logarithms and nearly equal stretches need the digits.
+/// Laws of the change of shape in the kernel's own precision.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum AnyShape<T> {
+    NeoHookean(NeoHookeanShape<T>),
+    MooneyRivlin(MooneyRivlin<T>),
+    Yeoh(Yeoh<T>),
+    VerondaWestmann(VerondaWestmann<T>),
+    Ogden(Stretches<T>),
+}
+
+/// `with_shape!((shape) => (name) { ... })`: the body for the law that it is.
+macro_rules! with_shape {
+    (($any:expr) => ($name:ident) $body:block) => {
+        match $any {
+            AnyShape::NeoHookean($name) => $body,
+            AnyShape::MooneyRivlin($name) => $body,
+            AnyShape::Yeoh($name) => $body,
+            AnyShape::VerondaWestmann($name) => $body,
+            AnyShape::Ogden($name) => $body,
+        }
+    };
+}
+impl Constants {
+    /// The law of the change of shape for points in the lanes.
+    pub(super) fn shape<T: Real>(&self) -> AnyShape<T> {
+        match &self.law.distortional {
+            Distortional::NeoHookean { shear_modulus } => {
+                AnyShape::NeoHookean(NeoHookeanShape { mu: T::of(*shear_modulus) })
+            }
+            Distortional::MooneyRivlin(law) => {
+                AnyShape::MooneyRivlin(MooneyRivlin { c10: T::of(law.c10), c01: T::of(law.c01) })
+            }
+            Distortional::Yeoh(law) => {
+                AnyShape::Yeoh(Yeoh { c10: T::of(law.c10), c20: T::of(law.c20), c30: T::of(law.c30) })
+            }
+            Distortional::VerondaWestmann(law) => AnyShape::VerondaWestmann(VerondaWestmann {
+                shear_modulus: T::of(law.shear_modulus),
+                exponent: T::of(law.exponent),
+            }),
+            Distortional::Ogden(law) => AnyShape::Ogden(Stretches::of(law)),
+        }
+    }
+
+    /// What is left to points in the lanes of the energy of volume. `None`: the logarithmic energy is a difference of like numbers, which
+    /// needs double precision.
+    pub(super) fn volume<T: Real>(&self) -> Option<Volume<T>> {
+        let Self { law, projected, pointwise, resists_collapse, .. } = *self;
+        (resists_collapse || law.volumetric == Volumetric::Quadratic).then(|| Volume {
+            pointwise: T::of(pointwise),
+            projected: T::of(projected),
+            resists_collapse,
+            law: law.volumetric,
+        })
+    }
+}
+
+/// One of the laws: a loop for all of them that asks at each group which one it is: a loop for each took three times as long to compile.
+impl<N: Number> Shape<N> for AnyShape<N> {
+    #[inline(always)]
+    fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
+        with_shape!((self) => (shape) { shape::distortion::<N, _, AXISYMMETRIC>(shape, f, cof, j) })
+    }
+
+    #[inline(always)]
+    fn stiffness(&self, wave: &Wave<'_, N>) -> N {
+        with_shape!((self) => (shape) { shape::stiffness(shape, wave) })
+    }
+}
+
+impl<T: Real> LaneShape<T> for AnyShape<T> {
+    type Wide<V: Vector<T>> = AnyShape<V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> AnyShape<V> {
+        match self {
+            Self::NeoHookean(law) => AnyShape::NeoHookean(law.splat()),
+            Self::MooneyRivlin(law) => AnyShape::MooneyRivlin(law.splat()),
+            Self::Yeoh(law) => AnyShape::Yeoh(law.splat()),
+            Self::VerondaWestmann(law) => AnyShape::VerondaWestmann(law.splat()),
+            Self::Ogden(law) => AnyShape::Ogden(law.splat()),
+        }
+    }
+
+    // of one law: where another stands among them, it counts as the first
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> AnyShape<V> {
+        macro_rules! all {
+            ($law:ident, $first:ident) => {
+                AnyShape::$law(LaneShape::side_by_side(
+                    &laws.each_ref().map(|law| if let Self::$law(law) = law { *law } else { $first }),
+                ))
+            };
+        }
+        match laws[0] {
+            Self::NeoHookean(first) => all!(NeoHookean, first),
+            Self::MooneyRivlin(first) => all!(MooneyRivlin, first),
+            Self::Yeoh(first) => all!(Yeoh, first),
+            Self::VerondaWestmann(first) => all!(VerondaWestmann, first),
+            Self::Ogden(first) => all!(Ogden, first),
+        }
+    }
+}
+
+/// [`AnyShape`] whose numbers are taken into registers where the law is known.
+#[derive(Clone, Copy)]
+pub(super) struct Splat<'a, T>(pub &'a AnyShape<T>);
+
+impl<T: Real, V: Vector<T>> Shape<V> for Splat<'_, T> {
+    #[inline(always)]
+    fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<V>, cof: &Gradient<V>, j: V) -> Distortion<V> {
+        match self.0 {
+            AnyShape::NeoHookean(law) => shape::distortion::<V, _, AXISYMMETRIC>(&law.splat::<V>(), f, cof, j),
+            AnyShape::MooneyRivlin(law) => shape::distortion::<V, _, AXISYMMETRIC>(&law.splat::<V>(), f, cof, j),
+            AnyShape::Yeoh(law) => shape::distortion::<V, _, AXISYMMETRIC>(&law.splat::<V>(), f, cof, j),
+            AnyShape::VerondaWestmann(law) => shape::distortion::<V, _, AXISYMMETRIC>(&law.splat::<V>(), f, cof, j),
+            AnyShape::Ogden(law) => shape::distortion::<V, _, AXISYMMETRIC>(&OfTerms(SplatTerms(law)), f, cof, j),
+        }
+    }
+
+    #[inline(always)]
+    fn stiffness(&self, wave: &Wave<'_, V>) -> V {
+        match self.0 {
+            AnyShape::NeoHookean(law) => shape::stiffness(&law.splat::<V>(), wave),
+            AnyShape::MooneyRivlin(law) => shape::stiffness(&law.splat::<V>(), wave),
+            AnyShape::Yeoh(law) => shape::stiffness(&law.splat::<V>(), wave),
+            AnyShape::VerondaWestmann(law) => shape::stiffness(&law.splat::<V>(), wave),
+            AnyShape::Ogden(law) => shape::stiffness(&OfTerms(SplatTerms(law)), wave),
+        }
+    }
+}
+
+/// Ogden's law whose terms are taken into registers one by one.
+#[derive(Clone, Copy)]
+struct SplatTerms<'a, T>(&'a Stretches<T>);
+
+impl<T: Real, V: Vector<T>> Terms<V> for SplatTerms<'_, T> {
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.0.count
+    }
+
+    #[inline(always)]
+    fn term(&self, k: usize) -> Term<V> {
+        self.0.terms[k].splat()
+    }
+}
+
+/// A law in the lanes, of points that relax if there is a memory.
+pub(super) struct InLanes<'a, T, const RELAXES: bool> {
+    pub shape: AnyShape<T>,
+    pub volume: Volume<T>,
+    pub memory: &'a Memory,
+}
+
+impl<T: Real, const RELAXES: bool> InLanes<'_, T, RELAXES> {
+    #[inline(always)]
+    fn law<V: Vector<T>>(&self) -> WithVolume<Splat<'_, T>, V> {
+        WithVolume { shape: Splat(&self.shape), volume: self.volume.splat() }
+    }
+}
+
+impl<T: Real, const RELAXES: bool> PointLaw<T> for InLanes<'_, T, RELAXES> {
+    #[inline(always)]
+    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+        &self,
+        group: usize,
+        f: &Gradient<V>,
+        projected: Projected<V>,
+    ) -> (V, Gradient<V>) {
+        if RELAXES {
+            let h = self.memory.held_by::<T, V, AXISYMMETRIC>(group);
+            self.law().relaxing::<AXISYMMETRIC>(f, projected, V::of(self.memory.elastic), &h)
+        } else {
+            self.law().at::<AXISYMMETRIC>(f, projected)
+        }
+    }
+
+    #[inline(always)]
+    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
+        self.law().stiffness(f, projected)
+    }
+}
+
+/// Any law, with memory if it relaxes, in double precision.
 pub(super) struct Relaxing<'a> {
     pub constants: &'a Constants,
     pub memory: &'a Memory,
@@ -236,8 +407,8 @@ impl Relaxing<'_> {
         } else {
             (pointwise * law.volumetric.energy(j - 1.0), pointwise * law.volumetric.slope(j - 1.0))
         };
-        let (energy, stress) = match self.memory.held.get(slot) {
-            Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, held),
+        let (energy, stress) = match self.memory.held_in(slot) {
+            Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, &held),
             None => law.distortion(f, &cof, j),
         };
         let stress = if self.constants.mixed {
@@ -253,7 +424,7 @@ impl Relaxing<'_> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::material::{MooneyRivlin, Ogden, VerondaWestmann, Yeoh};
+    use crate::material::Ogden;
 
     /// What the kernel adds up: every law with every sharing of the bulk modulus, and a projected pressure, whose energy
     /// is linear in the point's J.
@@ -314,13 +485,108 @@ mod tests {
                     Lanes(std::array::from_fn(|lane| undeformed + size * (1.7 * i as f64 + 2.3 * lane as f64).sin()))
                 });
                 let narrow = f.map(|x| Lanes(x.0.map(|x| x as f32)));
-                let (single, double) =
-                    (single.stiffness(&narrow, Projected::default()), double.stiffness(&f, Projected::default()));
+                let (single, double) = (
+                    PointLaw::stiffness(&single, &narrow, Projected::default()),
+                    PointLaw::stiffness(&double, &f, Projected::default()),
+                );
                 for lane in 0..LANES {
                     let exact = constants.stiffness(&f.map(|x| x.0[lane]), 0.0);
                     assert!((double.0[lane] / exact - 1.0).abs() < 1e-12, "{size} {lane}");
                     // J itself is a small difference where a point is crushed
                     assert!((f64::from(single.0[lane]) / exact - 1.0).abs() < 1e-3, "{size} {lane}");
+                }
+            }
+        }
+    }
+
+    /// Every law; those that stiffen or soften much among them.
+    fn every_shape() -> [Distortional; 8] {
+        let ogden = |moduli: &[f64], exponents: &[f64]| Distortional::Ogden(Ogden::new(moduli, exponents).unwrap());
+        [
+            Distortional::NeoHookean { shear_modulus: 1678.0 },
+            Distortional::MooneyRivlin(MooneyRivlin { c10: 539.0, c01: 300.0 }),
+            Distortional::Yeoh(Yeoh { c10: 839.0, c20: -60.0, c30: 20.0 }),
+            Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: 1678.0, exponent: 0.8 }),
+            ogden(&[1678.0], &[-4.7]),
+            ogden(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0]),
+            ogden(&[1678.0], &[0.5]),
+            ogden(&[1678.0], &[10.0]),
+        ]
+    }
+
+    /// Deformations of eight points, of a half plane or of space, with stretches that lie `spread` apart, from none to so many.
+    fn deformations(volume: f64, spread: f64, axisymmetric: bool) -> Gradient<Lanes<f32>> {
+        let turn = |angle: f64, [p, q]: [usize; 2], f: &Gradient<f64>| -> Gradient<f64> {
+            let (sin, cos) = angle.sin_cos();
+            std::array::from_fn(|n| match n / 3 {
+                i if i == p => cos * f[n] - sin * f[3 * q + n % 3],
+                i if i == q => sin * f[3 * p + n % 3] + cos * f[n],
+                _ => f[n],
+            })
+        };
+        let transposed = |f: &Gradient<f64>| -> Gradient<f64> { std::array::from_fn(|n| f[n % 3 * 3 + n / 3]) };
+        let mut out = [Lanes::default(); 9];
+        for lane in 0..LANES {
+            let k = lane as f64;
+            let logs: [f64; 3] =
+                std::array::from_fn(|i| spread.ln() * (1.1 + 2.3 * k + 1.9 * i as f64 * (k + 1.0)).sin());
+            let mean = (logs[0] + logs[1] + logs[2] - volume.ln()) / 3.0;
+            let mut f = [0.0; 9];
+            (0..3).for_each(|i| f[4 * i] = (logs[i] - mean).exp());
+            for side in 0..2 {
+                let angle = 0.7 + 1.3 * k + f64::from(side);
+                f = turn(angle, [2, 0], &f);
+                if !axisymmetric {
+                    f = turn(2.0 * angle, [1, 2], &turn(1.5 * angle, [0, 1], &f));
+                }
+                f = transposed(&f);
+            }
+            (0..9).for_each(|n| out[n].0[lane] = f[n] as f32);
+        }
+        out
+    }
+
+    /// Largest differences of energy density and stress between the lanes and double precision, over the stiffness of a plane wave.
+    fn off<const AXISYMMETRIC: bool>(distortional: Distortional, f: &Gradient<Lanes<f32>>) -> [f64; 3] {
+        let law = Law { distortional, ..Law::neo_hookean(1678.0, 83_340.0) };
+        let constants = Constants { law, projected: 0.0, pointwise: 0.0, resists_collapse: true, mixed: false };
+        let cof = crate::material::neo_hookean::cofactor_in::<_, AXISYMMETRIC>(f);
+        let j = determinant(f, &cof);
+        let lanes = WithVolume { shape: constants.shape::<f32>(), volume: constants.volume().unwrap() };
+        let found = LaneShape::splat::<Lanes<f32>>(&lanes.shape).distortion::<AXISYMMETRIC>(f, &cof, j);
+        let stiffness = PointLaw::stiffness::<Lanes<f32>>(&lanes, f, Projected::default());
+        let mut off = [0.0_f64; 3];
+        for lane in 0..LANES {
+            let of_lane = |x: &Gradient<Lanes<f32>>| x.map(|x| f64::from(x.0[lane]));
+            let f = of_lane(f);
+            let cof = cofactor(&f);
+            let (w, p) = law.distortion(&f, &cof, determinant(&f, &cof));
+            let bound = constants.stiffness(&f, 0.0);
+            let largest = largest_square(&f).sqrt();
+            let scale = p.iter().fold(bound * largest, |a, p| a.max(p.abs()));
+            off[0] = off[0].max((f64::from(found.energy.0[lane]) - w).abs() / (scale * largest));
+            for n in (0..9).filter(|&n| crate::material::neo_hookean::is_there::<AXISYMMETRIC>(n)) {
+                let stress = f64::from(found.across.0[lane]) * cof[n] + f64::from(found.stress[n].0[lane]);
+                let error = (stress - p[n]).abs() / scale;
+                off[1] = if error.is_nan() { f64::NAN } else { off[1].max(error) };
+            }
+            off[2] = off[2].max((f64::from(stiffness.0[lane]) / bound - 1.0).abs());
+        }
+        off
+    }
+
+    #[test]
+    fn every_law_in_the_lanes_is_the_one_in_double_precision() {
+        for distortional in every_shape() {
+            for (volume, spread) in [1.0, 0.6, 0.1, 0.021, 0.019, 0.001, 3.0]
+                .into_iter()
+                .flat_map(|volume| [1.0, 1.0 + 1e-6, 1.0 + 1e-4, 1.02, 1.3, 2.0, 5.5].map(|spread| (volume, spread)))
+            {
+                let space = off::<false>(distortional, &deformations(volume, spread, false));
+                let plane = off::<true>(distortional, &deformations(volume, spread, true));
+                for [energy, stress, stiffness] in [space, plane] {
+                    let said = format!("{distortional:?} at {volume} {spread}: {energy:e} {stress:e} {stiffness:e}");
+                    assert!(energy < 2e-6 && stress < 3e-6 && stiffness < 2e-5, "{said}");
                 }
             }
         }

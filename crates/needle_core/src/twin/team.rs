@@ -25,8 +25,8 @@ impl Team {
     pub const MOST: usize = solver::Team::MOST;
 
     /// A team of up to eight siblings ([`Twin::sibling`]), who keep their places in it; `None` for twins that are none, for a needle with
-    /// friction, for an own instrument, and for a law that relaxes or is not the neo-Hookean with quadratic volumetric energy. Of another team on the same
-    /// cloud it shares what it can.
+    /// friction, for an own instrument, for different laws, and for one that relaxes or has the logarithmic energy of volume. Of another
+    /// team on the same cloud it shares what it can.
     #[must_use]
     pub fn new(twins: &[&Twin], beside: Option<&Self>) -> Option<Self> {
         if twins.iter().any(|twin| matches!(twin.contact, None | Some(Contact::Frictional(_) | Contact::Own(_)))) {

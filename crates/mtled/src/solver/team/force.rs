@@ -4,15 +4,16 @@ use std::sync::Arc;
 
 use super::super::block::Block;
 use super::super::kernel::{Kernel, Points, Tables};
-use super::super::lane_law::{LaneLaw, NeoHookean};
+use super::super::lane_law::{LaneLaw, NeoHookean, WithVolume};
 use super::super::mixed::Mixed;
-use super::super::points::Constants;
+use super::super::points::{AnyShape, Constants};
 use super::super::strip::FIELDS;
 use super::passes::{Bound, Deform, Laws, Stress, Vectors, components, dimensions};
 use super::projection::Projected;
 use super::table::PointTable;
 use super::transfer::{Load, Store, SumLanes, mirrored};
 use crate::approximation::Form;
+use crate::material::Volumetric;
 use crate::number::lanes::{LANES, Lanes, run};
 use crate::number::vector::run_pass;
 use crate::number::{Number, Real};
@@ -28,7 +29,7 @@ pub struct Common<T: Real> {
 #[derive(Debug)]
 pub struct Lockstep<T: Real> {
     common: Arc<Common<T>>,
-    laws: OfRegions<T>,
+    laws: Vec<OfRegion<T>>,
     /// At which of its changes a member's shares of the points were taken over.
     seen: [Option<u64>; LANES],
     /// Share of each point that is tissue, by block.
@@ -51,32 +52,56 @@ pub struct Lockstep<T: Real> {
     force: Vec<Vectors<T>>,
 }
 
-/// Laws of each region: all mixed or none.
+/// Laws of the members in one region: one law, each with its own constants.
 #[derive(Debug)]
-enum OfRegions<T: Real> {
-    Plain(Vec<Laws<NeoHookean<T>>>),
-    Mixed(Vec<Laws<Mixed<T>>>),
+enum OfRegion<T: Real> {
+    Plain(Laws<NeoHookean<T>>),
+    Mixed(Laws<Mixed<T>>),
+    Other(Laws<WithVolume<AnyShape<T>, T>>),
 }
 
-impl<T: Real> OfRegions<T> {
-    /// `None` where a law of a kernel is neither.
-    fn new(kernels: &[&Kernel<T>]) -> Option<Self> {
-        let mixed = kernels.iter().flat_map(|k| &k.constants).all(|c| c.mixed);
-        if mixed {
-            return of_regions(kernels, Constants::of_mixed).map(Self::Mixed);
+/// `with_laws!((of_region) => (laws) { ... })`: the body for the law that they have.
+macro_rules! with_laws {
+    (($any:expr) => ($laws:ident) $body:expr) => {
+        match $any {
+            OfRegion::Plain($laws) => $body,
+            OfRegion::Mixed($laws) => $body,
+            OfRegion::Other($laws) => $body,
         }
-        let none = kernels.iter().flat_map(|k| &k.constants).all(|c| !c.mixed);
-        of_regions(kernels, Constants::plain).filter(|_| none).map(Self::Plain)
+    };
+}
+
+impl<T: Real> OfRegion<T> {
+    /// Of the members' constants; `None` where their laws differ or one has no team.
+    fn new(constants: &[Constants; LANES]) -> Option<Self> {
+        // the projection of a team knows no other energy of volume
+        let with_team = |c: &Constants| c.law.volumetric == Volumetric::Quadratic && c.law.prony.is_empty();
+        if !constants.iter().all(with_team) {
+            return None;
+        }
+        if constants[0].mixed {
+            return of_each(constants, Constants::of_mixed).map(Self::Mixed);
+        }
+        if constants[0].plain::<T>().is_some() {
+            return of_each(constants, |c| c.plain().filter(|_| !c.mixed)).map(Self::Plain);
+        }
+        let first = std::mem::discriminant(&constants[0].law.distortional);
+        let is_alike = |c: &Constants| !c.mixed && std::mem::discriminant(&c.law.distortional) == first;
+        of_each(constants, |c| c.volume().filter(|_| is_alike(c)).map(|volume| WithVolume { shape: c.shape(), volume }))
+            .map(Self::Other)
     }
 }
 
-/// One law of each kernel by region; a place without a kernel has the last one's.
-fn of_regions<T: Real, L>(kernels: &[&Kernel<T>], law: impl Fn(&Constants) -> Option<L>) -> Option<Vec<Laws<L>>> {
+/// One law of each member.
+fn of_each<L>(constants: &[Constants; LANES], law: impl Fn(&Constants) -> Option<L>) -> Option<Laws<L>> {
+    let laws: Vec<L> = constants.iter().map(law).collect::<Option<_>>()?;
+    laws.try_into().ok().map(Laws)
+}
+
+/// By region; a place without a kernel has the last one's.
+fn of_regions<T: Real>(kernels: &[&Kernel<T>]) -> Option<Vec<OfRegion<T>>> {
     let last = kernels.len() - 1;
-    let region = |r: usize| {
-        let laws: Vec<L> = (0..LANES).map(|lane| law(&kernels[lane.min(last)].constants[r])).collect::<Option<_>>()?;
-        laws.try_into().ok().map(Laws)
-    };
+    let region = |r: usize| OfRegion::new(&std::array::from_fn(|lane| kernels[lane.min(last)].constants[r]));
     (0..kernels.first()?.constants.len()).map(region).collect()
 }
 
@@ -88,13 +113,17 @@ impl<T: Real> Common<T> {
 }
 
 impl<T: Real> Lockstep<T> {
-    /// Of up to eight kernels on one set of tables; `None` where they aren't, or where a law is not the plain one.
+    /// Of up to eight kernels on one set of tables; `None` where they aren't, or where a law has no team.
     pub fn new(kernels: &[&Kernel<T>], common: Option<Arc<Common<T>>>) -> Option<Self> {
         let first = kernels.first()?;
         let common = common.filter(|c| Arc::ptr_eq(&c.tables, &first.tables));
         let alike = kernels.len() <= LANES && kernels.iter().all(|k| Arc::ptr_eq(&k.tables, &first.tables));
-        let laws = OfRegions::new(kernels).filter(|_| alike)?;
-        let mixed = matches!(laws, OfRegions::Mixed(_));
+        let laws = of_regions(kernels).filter(|_| alike)?;
+        let is_mixed = |laws: &OfRegion<T>| matches!(laws, OfRegion::Mixed(_));
+        let mixed = laws.iter().any(is_mixed);
+        if mixed && !laws.iter().all(is_mixed) {
+            return None;
+        }
         let fields = |of: usize| [true, mixed].map(|there| vec![Lanes::default(); if there { of } else { 0 }]);
         let common = common.unwrap_or_else(|| Arc::new(Common::new(first)));
         let (tables, points) = (&common.tables, &common.points);
@@ -185,10 +214,7 @@ impl<T: Real> Lockstep<T> {
             let coarse = at_vertices.each_ref().map(Vec::as_slice);
             let (table, deformation, force) = (&common.points[b], &deformation[b][..], &mut local_force[..]);
             let planar = is_planar(&common.tables.blocks[b]);
-            match laws {
-                OfRegions::Plain(l) => bound(planar, table, &l[region], deformation, coarse, force),
-                OfRegions::Mixed(l) => bound(planar, table, &l[region], deformation, coarse, force),
-            }
+            with_laws!((&laws[region]) => (laws) bound(planar, table, laws, deformation, coarse, force));
             self.sum_lanes(b);
         }
         self.store(f);
@@ -247,11 +273,8 @@ impl<T: Real> Lockstep<T> {
     fn stress(&mut self, b: usize) {
         let region = usize::from(self.common.tables.blocks[b].region);
         // taken out for as long as they are read
-        let laws = std::mem::replace(&mut self.laws, OfRegions::Plain(Vec::new()));
-        match &laws {
-            OfRegions::Plain(l) => self.stress_by(b, &l[region]),
-            OfRegions::Mixed(l) => self.stress_by(b, &l[region]),
-        }
+        let laws = std::mem::take(&mut self.laws);
+        with_laws!((&laws[region]) => (laws) self.stress_by(b, laws));
         self.laws = laws;
     }
 

@@ -36,8 +36,8 @@ impl Team {
     /// Most members of a team.
     pub const MOST: usize = LANES;
 
-    /// A team for up to eight solvers; `None` where they are not of one cloud ([`Model::is_like`]) or one has another law than the
-    /// neo-Hookean without relaxation. Of another team of the same cloud it shares what it can.
+    /// A team for up to eight solvers; `None` where they are not of one cloud ([`Model::is_like`]), have different laws in a
+    /// region, or where one relaxes or has the logarithmic energy of volume. Of another team of the same cloud it shares what it can.
     #[must_use]
     pub fn new(solvers: &[&Solver], beside: Option<&Self>) -> Option<Self> {
         let models = || solvers.iter().map(|s| &*s.model);

@@ -1,0 +1,139 @@
+//! The change of shape as a loop over points sees it: one law, in numbers of any kind.
+
+use super::invariants::{self, OfInvariants, Slopes};
+use super::neo_hookean::{Gradient, excess};
+use super::{MooneyRivlin, VerondaWestmann, Yeoh};
+use crate::number::Number;
+
+/// Distortional energy density (J/m^3) and first Piola-Kirchhoff stress `stress + across cof F` (Pa), without pressure.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Distortion<N> {
+    pub energy: N,
+    pub stress: Gradient<N>,
+    pub across: N,
+}
+
+impl Distortion<f64> {
+    /// Both parts of the stress.
+    pub fn summed(self, cof: &Gradient<f64>) -> (f64, Gradient<f64>) {
+        (self.energy, std::array::from_fn(|n| self.stress[n] + self.across * cof[n]))
+    }
+}
+
+/// What the bound of a law takes of a deformation gradient.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wave<'a, N> {
+    pub f: &'a Gradient<N>,
+    pub cof: &'a Gradient<N>,
+    /// J, J_m or more.
+    pub j: N,
+    /// By how much J falls short of J_m.
+    pub lack: N,
+    /// About the squares of the largest singular values of F and cof F.
+    pub largest: N,
+    pub c2: N,
+    /// Second derivative of the energy of volume, Pa.
+    pub bulk: N,
+}
+
+/// A law of the change of shape.
+pub(crate) trait Shape<N: Number>: Copy {
+    /// Of what [`is_there`].
+    fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N>;
+    /// Bound on the stiffness of a plane wave, Pa: [`crate::solver`]'s masses.
+    fn stiffness(&self, wave: &Wave<'_, N>) -> N;
+}
+
+/// [`Shape::distortion`]; of arrays in a function of its own, which all loops over points share: inlined into each of them, it is most of
+/// the time that the crate takes to compile.
+#[inline(always)]
+pub(crate) fn distortion<N: Number, S: Shape<N>, const AXISYMMETRIC: bool>(
+    shape: &S,
+    f: &Gradient<N>,
+    cof: &Gradient<N>,
+    j: N,
+) -> Distortion<N> {
+    if N::IS_ARRAY {
+        distortion_apart::<N, S, AXISYMMETRIC>(shape, f, cof, j)
+    } else {
+        shape.distortion::<AXISYMMETRIC>(f, cof, j)
+    }
+}
+
+#[inline(never)]
+fn distortion_apart<N: Number, S: Shape<N>, const AXISYMMETRIC: bool>(
+    shape: &S,
+    f: &Gradient<N>,
+    cof: &Gradient<N>,
+    j: N,
+) -> Distortion<N> {
+    shape.distortion::<AXISYMMETRIC>(f, cof, j)
+}
+
+/// [`Shape::stiffness`], likewise.
+#[inline(always)]
+pub(crate) fn stiffness<N: Number, S: Shape<N>>(shape: &S, wave: &Wave<'_, N>) -> N {
+    if N::IS_ARRAY { stiffness_apart(shape, wave) } else { shape.stiffness(wave) }
+}
+
+#[inline(never)]
+fn stiffness_apart<N: Number, S: Shape<N>>(shape: &S, wave: &Wave<'_, N>) -> N {
+    shape.stiffness(wave)
+}
+
+macro_rules! of_invariants {
+    ($($law:ident),+) => {$(
+        impl<N: Number> Shape<N> for $law<N> {
+            #[inline(always)]
+            fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
+                invariants::evaluate::<N, Self, AXISYMMETRIC>(self, f, cof, j)
+            }
+
+            // below J_m the masses grow in the proportion in which the neo-Hookean law stiffens
+            #[inline(always)]
+            fn stiffness(&self, wave: &Wave<'_, N>) -> N {
+                let Wave { f, cof, j, lack, largest, c2, bulk } = *wave;
+                excess(lack) * invariants::stiffness(self, f, cof, j, largest, c2) + bulk * c2
+            }
+        }
+    )+};
+}
+
+of_invariants!(NeoHookean, MooneyRivlin, Yeoh, VerondaWestmann);
+
+/// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3. A bound below J_m as well, where `cube` is phi(J) and
+/// the last term, with J_m for J, has no cause any more.
+#[inline(always)]
+pub(crate) fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
+    let mut i1 = T::default();
+    for x in f {
+        i1 += *x * *x;
+    }
+    bulk * c2 + mu * (cube + T::of(5.0 / 9.0) * cube * i1 * c2 / (j * j))
+}
+
+impl<N: Number> Wave<'_, N> {
+    /// That of the neo-Hookean law, and of one that is as stiff.
+    #[inline(always)]
+    pub fn of_modulus(&self, mu: N) -> N {
+        let root = self.j.inverse_cube_root();
+        plane_wave(self.f, self.c2, self.j, root * root * excess(self.lack), mu, self.bulk)
+    }
+}
+
+/// [`super::neo_hookean`], where it relaxes or the energy of volume is another.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NeoHookean<N> {
+    /// mu, Pa.
+    pub mu: N,
+}
+
+impl<N: Number> OfInvariants<N> for NeoHookean<N> {
+    const SECOND: bool = false;
+
+    #[inline(always)]
+    fn slopes(&self, a: N, _: N) -> Slopes<N> {
+        let slope = N::of(0.5) * self.mu;
+        Slopes { w: slope * (a - N::of(3.0)), a: slope, ..Slopes::default() }
+    }
+}
