@@ -230,7 +230,8 @@ impl Constants {
     }
 }
 
-/// One of the laws: a loop for all of them that asks at each group which one it is: a loop for each took three times as long to compile.
+/// One of the laws: a loop for all of them that asks at each group which one it is: with a loop for each, the crate's code and the
+/// time to compile it were half as large again.
 impl<N: Number> Shape<N> for AnyShape<N> {
     #[inline(always)]
     fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
