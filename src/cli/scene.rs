@@ -11,7 +11,7 @@ use super::{CliError, Outcome, print, scene_file};
 use needle_core::scene::keys::{KEYS, SECTIONS};
 use needle_core::scene::size::Estimate;
 use needle_core::scene::{Key, PRESETS, Scene, Value, Word as _};
-use needle_core::twin::{Body, extents, shown};
+use needle_core::twin::{Body, Twin, extents, shown};
 
 /// List, print and check scenes
 #[derive(Debug, Args)]
@@ -182,7 +182,7 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
     let checked: Vec<_> = scenes.iter().map(|name| set.apply(&scene_file::load(name)?, []).and_then(sized)).collect();
     if as_json {
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
-            Ok((scene, (size, extents))) => {
+            Ok((scene, Sized { size, extents, built })) => {
                 let model = scene.dimension();
                 let because = model.because + &scene.left_out();
                 json!({
@@ -190,12 +190,13 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
                     "scene": name, "ok": true, "name": scene.name,
                     "dimension": model.dimension.as_str(), "dimension_because": because,
                     "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
+                    "nodes": built.map(|[nodes, _]| nodes), "integration_points": built.map(|[_, points]| points),
                     "spacing_m": scene.grading().map(|g| g.spacing.get()),
                     "edge_refinement": scene.grading().map(|g| g.edge_refinement),
                     "growth": scene.grading().map(|g| g.growth),
                     "support_factor": scene.support_factor(),
                     "cells_per_point": scene.cells_per_point(),
-                    "points_per_support_node": scene.points_per_support_node(),
+                    "points_per_support_node": scene.discretisation.points_per_support_node,
                     "integration": if scene.is_consistent_in(model.dimension) { "consistent" } else { "plain" },
                 })
             }
@@ -203,15 +204,17 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
         });
         print(&format!("{:#}\n", serde_json::Value::from_iter(rows)))?;
     } else {
-        for (name, (scene, (size, extents))) in
-            scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s)))
-        {
+        let each = scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s)));
+        for (name, (scene, Sized { size, extents, built })) in each {
             let (model, megabytes) = (scene.dimension(), size.bytes / 1e6);
             let kind = model.dimension.as_str();
             let mesh = extents.map_or_else(String::new, |extents| format!(", mesh of {}", shown(extents)));
             print(&format!(
-                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB{mesh}; {kind}: {}{}{}\n",
-                size.nodes,
+                "{name}: ok, {} and about {megabytes:.0} MB{mesh}; {kind}: {}{}{}\n",
+                match built {
+                    Some([nodes, points]) => format!("{nodes} nodes, {points} integration points"),
+                    None => format!("about {:.0} nodes (too many to build for a check)", size.nodes),
+                },
                 model.because,
                 scene.left_out(),
                 spaced(scene)
@@ -230,13 +233,31 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
     }
 }
 
-/// Size of a scene's cloud: estimated, or that of its mesh, which is read and checked for that, with the mesh's extents in m.
-fn size(scene: &Scene) -> Result<(Estimate, Option<[f64; 3]>), CliError> {
-    if let Some(estimate) = scene.estimate() {
-        return Ok((estimate, None));
-    }
-    let body = Body::new(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    body.warnings.iter().for_each(|warning| super::warn(warning));
-    let estimate = scene.estimate_of(body.cloud.points.len() as f64, body.cloud.cells.len() as f64);
-    Ok((estimate, Some(extents(&body.cloud))))
+/// How large a model is.
+struct Sized {
+    size: Estimate,
+    /// Of the mesh, m, where there is one.
+    extents: Option<[f64; 3]>,
+    /// Nodes and integration points of the model that was built for the check.
+    built: Option<[usize; 2]>,
+}
+
+/// Models that are estimated to have more nodes are not built for a check: it would take more than some ten seconds.
+const BUILT: f64 = 30_000.0;
+
+/// Size of a scene's model, which is built unless it is large; a mesh is read and checked in any case.
+fn size(scene: &Scene) -> Result<Sized, CliError> {
+    let refused = |source| CliError::Build { scene: scene.name.clone(), source };
+    let (size, extents) = match scene.estimate() {
+        Some(size) => (size, None),
+        None => {
+            let cloud = Body::new(scene).map_err(refused)?.cloud;
+            (scene.estimate_of(cloud.points.len() as f64, cloud.cells.len() as f64), Some(extents(&cloud)))
+        }
+    };
+    let twin = (size.nodes <= BUILT).then(|| Twin::new(scene)).transpose().map_err(refused)?;
+    let said = scene.advice();
+    let more = twin.iter().flat_map(Twin::warnings).filter(|warning| !said.contains(warning));
+    more.for_each(|warning| super::warn(warning));
+    Ok(Sized { size, extents, built: twin.map(|twin| [twin.nodes(), twin.integration_points()]) })
 }

@@ -355,7 +355,7 @@ fn clouds(case: Case) -> Vec<Case> {
         return vec![case];
     }
     let around = case.with_coarse_surroundings();
-    let all_nodes = Case { points_per_support_node: 1, ..around.clone() };
+    let all_nodes = Case { points_per_support_node: case.points_per_support_node, ..around.clone() };
     vec![around, all_nodes, case]
 }
 
@@ -391,7 +391,7 @@ mod tests {
         let tried = both[0].scene(&scene).unwrap();
         let grading = tried.grading().unwrap();
         assert_eq!((grading.growth, grading.path_rings, tried.support_factor()), (0.45, 2, 1.5));
-        assert_eq!([0, 1, 2].map(|k: usize| both[k].points_per_support_node), [2, 1, 2]);
+        assert_eq!([0, 1, 2].map(|k: usize| both[k].points_per_support_node), [2, 1, 1]);
         assert_eq!(grading.spacing, scene.grading().unwrap().spacing);
         let elements = Case { method: "tet4".to_owned(), ..own };
         assert_eq!(clouds(elements.clone()), [elements], "which have no supports");

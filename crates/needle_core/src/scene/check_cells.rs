@@ -18,7 +18,7 @@ impl Check<'_> {
     /// Only a support can lack a node.
     pub(super) fn support_nodes(&self) -> Result<(), SceneError> {
         let discretisation = &self.scene.discretisation;
-        if discretisation.points_per_support_node <= 1 || discretisation.method != Method::Tet4 {
+        if discretisation.points_per_support_node == 1 || discretisation.method != Method::Tet4 {
             return Ok(());
         }
         let reason =

@@ -19,8 +19,8 @@ section! {
         dimension: Dimension = Key::word("discretisation.dimension", Dimension::WORDS).or("auto"),
         /// How the nodes are spaced; absent where a mesh file brings them.
         grading: Option<AskedGrading>,
-        /// alpha: support radius over mean edge length at a node; 0, the default, is 1.8; in three dimensions round a needle and generated
-        /// nodes 1.6, and else with consistent gradients in a sample of one material 2.1.
+        /// alpha: support radius over mean edge length at a node; 0, the default, is 1.8, and 2.1 under an indenter with consistent
+        /// gradients in three dimensions in a sample of one material.
         support_factor: f64 = Key::real("discretisation.support_factor", Range::closed(0.0, 4.0), "").or("0.0"),
         /// eta: MMLS penalty on the quadratic coefficients, dimensionless (local scaled coordinates).
         penalty: f64 = Key::real("discretisation.penalty", Range::closed(0.0, 1e6), "").or("1e-2"),
@@ -31,9 +31,8 @@ section! {
         /// under a plate on one material; else 1.
         cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[0, 1, 2]).or("0"),
         /// Fewest of eight integration points beside each other whose support a node has to be in: one that fewer have is left out of those
-        /// supports, which saves work. 1 leaves none out. Only meshless methods have supports. 0, the default: 2 with consistent gradients
-        /// round a needle, else 1.
-        points_per_support_node: u32 = Key::integer("discretisation.points_per_support_node", 0, 4).or("0"),
+        /// supports, which saves work. 1, the default, leaves none out. Only meshless methods have supports.
+        points_per_support_node: u32 = Key::integer("discretisation.points_per_support_node", 1, 4).or("1"),
         /// What is integrated.
         cells: Cells,
         /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance, in space
@@ -91,7 +90,8 @@ section! {
                 .or_auto()
                 .because("cells that grow faster than by half their size from one to the next lose their shape"),
         ),
-        /// Fewest rings of nodes round a needle's path in space, within its capture radius; layers are as far apart as rings. 0: two.
+        /// Fewest rings of nodes round a needle's path in space, within its capture radius; layers are as far apart as rings. 0: three
+        /// down to ten radii where a kinematic needle leans and enters at once, else two.
         path_rings: u32 = generated(Key::one_of("discretisation.path_rings", &[0, 2, 3, 4]).or("0")),
     }
 }

@@ -6,8 +6,7 @@
 //! growth     g                            h(x) = min(h, h_e + g d): d, distance from the edge or path, m
 //! ```
 //!
-//! s and g are those of the table in the code. A coarse cloud is too soft and a narrow support too stiff: about a needle in space wide
-//! spacing and narrow supports go together, at a quarter of the work of fine nodes and wide supports (`docs/lab/performance.md`).
+//! s and g are those of the table in the code.
 
 use super::{AskedGrading, Dimension, InstrumentKind, Integration, Metres, Scene, Shape};
 
@@ -20,7 +19,7 @@ pub struct Grading {
     pub edge_refinement: f64,
     /// Growth per metre of distance from an edge.
     pub growth: f64,
-    /// Fewest rings of nodes round a needle's path in space; 0: two.
+    /// Fewest rings of nodes round a needle's path in space; 0: two, and three down to ten radii where a kinematic needle leans.
     pub path_rings: u32,
 }
 
@@ -28,13 +27,11 @@ pub struct Grading {
 const NONE: [f64; 2] = [0.235, 0.35];
 const PLATE: [f64; 2] = [0.235, 0.4];
 const INDENTER: [f64; 2] = [0.2235, 0.28];
-/// In a half plane, with a kinematic needle, one with friction, and one that has a membrane to pierce, whose path is an eighth of the
-/// radius fine.
+/// A needle; in a half plane one with friction; one that has a membrane to pierce, whose path is an eighth of the radius fine there. With a growth of 0.4 and supports of 1.6 round a needle in space a step costs a third, and the force is up to 1.4 % off finite
+/// elements where it is 0.8 % with these (`docs/lab/performance.md`).
 const NEEDLE: [f64; 2] = [0.274, 0.3];
 const FRICTION: [f64; 2] = [0.3, 0.3];
 const MEMBRANE: [f64; 2] = [0.3, 0.5];
-/// A needle in space.
-const NEEDLE_IN_SPACE: [f64; 2] = [0.353, 0.4];
 /// Spacing at the edge of a plate over that far from it, at that of an indenter over its radius, and on a needle's path over its capture
 /// radius.
 const EDGE_OF_PLATE: f64 = 0.1;
@@ -46,7 +43,6 @@ const EDGE_IN_OUTLINE: f64 = 0.3;
 /// (`docs/lab/integration.md`).
 const SUPPORT: f64 = 1.8;
 const WIDE_SUPPORT: f64 = 2.1;
-const NARROW_SUPPORT: f64 = 1.6;
 
 impl Scene {
     /// How the nodes are spaced, in the dimension that the scene runs in; `None` where a mesh brings them.
@@ -64,10 +60,9 @@ impl Scene {
             Some(_) if self.sample.shape.mesh().is_some() => NONE,
             Some((InstrumentKind::Plate, _)) => PLATE,
             Some((InstrumentKind::Indenter { .. }, _)) => INDENTER,
-            Some((InstrumentKind::Needle(_), _)) if self.has_narrow_supports(dimension) => NEEDLE_IN_SPACE,
-            Some((InstrumentKind::Needle(_), false)) => NEEDLE,
             Some((InstrumentKind::Needle(_), true)) if self.has_membrane() => MEMBRANE,
-            Some((InstrumentKind::Needle(_), true)) => FRICTION,
+            Some((InstrumentKind::Needle(_), true)) if dimension == Dimension::Axisymmetric => FRICTION,
+            Some((InstrumentKind::Needle(_), _)) => NEEDLE,
         };
         let by_size = || Metres(three_digits(share * half_thickness(&self.sample.shape)));
         let spacing = spacing.unwrap_or_else(by_size);
@@ -85,12 +80,10 @@ impl Scene {
     #[must_use]
     pub fn support_factor_in(&self, dimension: Dimension) -> f64 {
         let given = self.discretisation.support_factor;
-        let plate = matches!(&self.instrument, Some(i) if matches!(i.kind, InstrumentKind::Plate));
+        let indenter = matches!(&self.instrument, Some(i) if matches!(i.kind, InstrumentKind::Indenter { .. }));
         if given > 0.0 {
             given
-        } else if self.has_narrow_supports(dimension) {
-            NARROW_SUPPORT
-        } else if self.is_consistent_in(dimension) && self.regions.is_empty() && !plate {
+        } else if self.is_consistent_in(dimension) && self.regions.is_empty() && indenter {
             WIDE_SUPPORT
         } else {
             SUPPORT
@@ -125,22 +118,10 @@ impl Scene {
         }
     }
 
-    /// Fewest of eight points beside each other whose support a node has to be in. Fewer nodes make the field softer, which suits narrow
-    /// supports with consistent gradients; plain ones are too soft already.
-    #[must_use]
-    pub fn points_per_support_node(&self) -> u32 {
-        let dimension = self.dimension().dimension;
-        match self.discretisation.points_per_support_node {
-            0 if self.has_narrow_supports(dimension) && self.is_consistent_in(dimension) => 2,
-            0 => 1,
-            given => given,
-        }
-    }
-
     /// What its supports lack, after a semicolon; empty where they lack nothing.
     #[must_use]
     pub fn left_out(&self) -> String {
-        match self.points_per_support_node() {
+        match self.discretisation.points_per_support_node {
             ..=1 => String::new(),
             fewest => {
                 format!("; supports without the nodes that fewer than {fewest} of 8 points beside each other have")
@@ -158,13 +139,6 @@ impl Scene {
                 within(three_digits(EDGE_OF_INDENTER * 0.5 * diameter.get() / spacing))
             }
         }
-    }
-
-    /// Whether supports are narrow unless the scene says otherwise: round a needle in space, among generated nodes.
-    fn has_narrow_supports(&self, dimension: Dimension) -> bool {
-        let needle = matches!(&self.instrument, Some(i) if matches!(i.kind, InstrumentKind::Needle(_)));
-        let method = self.discretisation.method != super::Method::Tet4;
-        needle && method && dimension != Dimension::Axisymmetric && self.sample.shape.mesh().is_none()
     }
 }
 

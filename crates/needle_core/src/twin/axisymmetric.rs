@@ -43,7 +43,7 @@ pub(super) fn build(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> R
     let targets = scene.targets.iter().map(|t| moved::back(moved, in_half_plane(t.position)));
     let targets: Vec<[f64; 3]> = targets.collect();
     let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
-    let mut table = approximation.pruned(table, scene.points_per_support_node());
+    let mut table = approximation.pruned(table, scene.discretisation.points_per_support_node);
     let fields = [approximation.field(&plane.points)?, approximation.field(&targets)?];
     let fitted = moved.map(|moved| {
         moved.stretch(&mut table, &plane.points, &plane.triangles);

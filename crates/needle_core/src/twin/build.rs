@@ -156,7 +156,7 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     let consistent = scene.is_consistent_in(scene.dimension().dimension);
     let surface = if consistent { approximation.surface_points() } else { Vec::new() };
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets, &surface].concat())?;
-    table = approximation.pruned(table, scene.points_per_support_node());
+    table = approximation.pruned(table, scene.discretisation.points_per_support_node);
     if consistent {
         let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
         table = approximation.consistent(table, &tied)?;

@@ -318,7 +318,7 @@ mod tests {
     const BLOCK: &str = "name = \"block\"\n[sample]\nshape = \"cylinder\"\ndiameter_m = 0.05\nheight_m = 0.03\n\
         [material]\nmodel = \"ogden\"\nogden_shear_moduli_pa = [1e4]\nogden_exponents = [3]\npoisson_ratio = 0.49\n\
         density_kg_per_m3 = 1000\n[instrument]\nkind = \"plate\"\ncontact = \"coulomb\"\nfriction_coefficient = 0.2\n\
-        [discretisation]\nmethod = \"mmls\"\nspacing_m = 0.0075\n";
+        [discretisation]\nmethod = \"mmls\"\nspacing_m = 0.0075\nedge_refinement = 0.3\ngrowth = 0.35\n";
 
     fn wanted(text: &str) -> Wanted {
         Wanted::parse(text).unwrap()

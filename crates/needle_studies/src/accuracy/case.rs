@@ -115,7 +115,7 @@ impl Case {
             support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
             cells_per_point: scene.cells_per_point(),
-            points_per_support_node: scene.points_per_support_node(),
+            points_per_support_node: scene.discretisation.points_per_support_node,
             points_per_hexahedron: d.cells.points_per_hexahedron(),
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
