@@ -210,10 +210,10 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
             let kind = model.dimension.as_str();
             let mesh = extents.map_or_else(String::new, |extents| format!(", mesh of {}", shown(extents)));
             print(&format!(
-                "{name}: ok, {} and about {megabytes:.0} MB{mesh}; {kind}: {}{}{}\n",
+                "{name}: ok, about {megabytes:.0} MB, {}{mesh}; {kind}: {}{}{}\n",
                 match built {
                     Some([nodes, points]) => format!("{nodes} nodes, {points} integration points"),
-                    None => format!("about {:.0} nodes (too many to build for a check)", size.nodes),
+                    None => format!("some {:.0} nodes (too many to build for a check)", size.nodes),
                 },
                 model.because,
                 scene.left_out(),

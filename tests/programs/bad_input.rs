@@ -137,11 +137,7 @@ fn what_is_wrong_in_a_file_is_named_with_its_line() {
             "poisson_ratio",
             &["material.poisson_ratio", "0.5", "(-1, 0.5)"] as &[&str],
         ),
-        (
-            |t| t.replace("growth =", "grwoth ="),
-            "grwoth",
-            &["discretisation.grwoth", "discretisation.growth", "(0, 0.5]"],
-        ),
+        (|t| t.replace("pose_hz =", "psoe_hz ="), "psoe_hz", &["motion.psoe_hz", "motion.pose_hz", "(0, "]),
         (|t| t.replace("1678.0", "\"1678\""), "\"1678\"", &["material.shear_modulus_pa", "text", "number in (0, "]),
         (
             |t| t.replace("depth_m = 0.010", "depth_m = 0.020"),

@@ -27,6 +27,8 @@ kind = "plate"
 [discretisation]
 method = "mmls"
 spacing_m = 0.0075
+edge_refinement = 0.3
+growth = 0.35
 "#;
 
 /// Force of the made-up samples at a depth, N: of the shape of the model's, made by it once.
