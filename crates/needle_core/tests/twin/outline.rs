@@ -93,8 +93,9 @@ fn the_needle_s_layers_lie_on_its_capture_radius_and_no_other_node_within() {
 #[test]
 fn how_fine_the_mesh_is_does_not_change_how_many_points_there_are() {
     let folder = TempDir::new().unwrap();
+    let spacing = [("discretisation.spacing_m", "2.33e-3"), ("discretisation.growth", "0.3")];
     let sizes = [2, 4].map(|fine| {
-        let scene = cylinder(&folder, "needle_insertion", 10 * fine, 3 * fine, &[]);
+        let scene = cylinder(&folder, "needle_insertion", 10 * fine, 3 * fine, &spacing);
         Body::new(&scene).unwrap().cloud.cells.len() as f64
     });
     println!("{sizes:?} cells of outlines of meshes of {} and {} cells", 3 * 6 * 20 * 20, 24 * 40 * 40 * 3);
@@ -127,6 +128,9 @@ fn a_needle_with_friction_is_held_by_an_outline_as_by_a_cylinder() {
         ("discretisation.spacing_m", "0.004"),
         ("discretisation.edge_refinement", "0.0625"),
         ("discretisation.growth", "0.4"),
+        // what a cylinder has by itself
+        ("discretisation.integration", "consistent"),
+        ("discretisation.cells_per_point", "2"),
         ("instrument.interaction", "frictional"),
         ("instrument.friction_n_per_m", "3"),
         ("instrument.cutting_force_n", "0.003"),

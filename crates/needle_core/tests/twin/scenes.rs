@@ -217,6 +217,7 @@ fn every_key_can_be_changed() {
                 _ => continue, // one word only, or a change of kind, which has its own test
             },
             (Kind::Real(_), Value::Real(x)) if path.ends_with("radius_m") => Value::Real(x * 1.5),
+            (Kind::Real(_), _) if path.ends_with("support_factor") => Value::Real(1.9),
             (Kind::Real(_), Value::Real(x)) => Value::Real(if *x == 0.0 { 0.001 } else { x * 0.9990234375 }),
             (Kind::Real(_), Value::Text(_)) => Value::Real(if path.ends_with("spacing_m") { 0.002 } else { 0.2 }),
             (Kind::Integer(..), Value::Integer(i)) => Value::Integer(i + 1),
