@@ -44,7 +44,7 @@ pub trait Number:
     /// Lane by lane: `self` where `condition` is above zero, else `other`.
     #[must_use]
     fn where_positive(self, condition: Self, other: Self) -> Self;
-    /// exp(x) - 1, see [`super::elementary`].
+    /// exp(x) - 1, see `elementary.rs`.
     #[must_use]
     fn exp_m1(self) -> Self;
     /// ln x for x > 0, the same.

@@ -76,7 +76,7 @@ impl Cells {
 }
 
 section! {
-    /// Spacing of the nodes of a generated cloud, as far as the scene says; `None`: left to the program ([`Grading`]).
+    /// Spacing of the nodes of a generated cloud, as far as the scene says; `None`: left to the program ([`super::Grading`]).
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct AskedGrading when |values| values.word("sample.shape").is_some_and(|s| GENERATED.contains(&s.as_str())) => {
         /// Spacing of the nodes far from every edge; `auto`: by the sample's size and the instrument. An outline needs a number.
