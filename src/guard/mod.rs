@@ -257,7 +257,7 @@ pub enum Phase {
     Moving,
     /// At the goal, and following it.
     Arrived,
-    /// Braking or at rest, until it is told to resume.
+    /// Braking or at rest, until `~/resume` is called.
     Stopped(Trouble),
 }
 

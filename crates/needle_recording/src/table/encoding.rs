@@ -6,7 +6,7 @@ use encoding_rs::{Encoding, GBK, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
 /// Bytes that are looked at at once.
 const BLOCK: usize = 1 << 18;
-/// Bytes by which UTF-16 without a mark is told.
+/// Bytes by which UTF-16 without a mark is recognised.
 const START: u64 = 512;
 
 /// The encoding, and how long its mark is: UTF-8; UTF-16, with its mark or without; GBK where every other character is one of Chinese text;
