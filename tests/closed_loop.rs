@@ -314,6 +314,6 @@ fn no_fault_leaves_a_false_yes() {
     let said = String::from_utf8_lossy(&output.stdout);
     println!("{said}{}", String::from_utf8_lossy(&output.stderr));
     let table = std::fs::read_to_string(folder.path().join("hazards.csv")).unwrap();
-    assert_eq!(table.lines().filter(|row| row.contains(",true,\"")).count(), 10, "{table}");
+    assert_eq!(table.lines().filter(|row| row.contains(",true,\"")).count(), 15, "{table}");
     assert_eq!(output.status.code(), Some(0));
 }

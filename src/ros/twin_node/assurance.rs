@@ -10,6 +10,9 @@
 //! the residual must also fall to half of the band. So a prediction that passes a wrong reading by chance does not
 //! count as agreement.
 //!
+//! A parameter that decides what counts as safe and changes is one report of "not safe". So a guard or driver stops, and
+//! somebody has to confirm that it goes on under the new terms.
+//!
 //! "Not safe" is published at once, "safe" at a fixed rate. A suspended or dead node publishes nothing, so silence
 //! also means "not safe".
 
@@ -30,6 +33,9 @@ use ros2_node::qos;
 
 /// Time for which all conditions must hold after a report of "not safe".
 const HOLD: Duration = Duration::from_millis(100);
+
+/// The housekeeping thread, which finds other twins and silent inputs, looks every 0.1 s. After this time without a look it hangs, s.
+const UNWATCHED_S: f64 = 0.5;
 
 /// Longest distance of a force from the load cell's origin, m. The force acts on the instrument between its tip,
 /// `load_cell_height_m` below that origin, and its point of entry. The error of the force times this length bounds
@@ -102,6 +108,22 @@ pub(super) struct Assured {
     well_since: Option<Instant>,
     /// The last report.
     safe: bool,
+    /// Under which it was made.
+    terms: Option<Terms>,
+}
+
+/// Names and values of the parameters that decide what counts as safe.
+type Terms = [(&'static str, f64); 6];
+
+const fn terms(settings: &Settings) -> Terms {
+    [
+        ("residual_band_n", settings.residual_band_n),
+        ("guard_timeout_s", settings.guard_timeout_s),
+        ("force_limit_n", settings.force_limit_n),
+        ("load_cell_range_n", settings.load_cell_range_n),
+        ("input_timeout_s", settings.input_timeout_s),
+        ("max_pose_age_s", settings.max_pose_age_s),
+    ]
 }
 
 /// A judgement with its figures.
@@ -119,7 +141,7 @@ struct Verdict {
 impl Assured {
     pub const fn new(lever_m: f64) -> Self {
         let cell = Cell { usable: None, fault: None };
-        Self { lever_m, pose: None, agreement: None, cell, disagreed: false, well_since: None, safe: false }
+        Self { lever_m, pose: None, agreement: None, cell, disagreed: false, well_since: None, safe: false, terms: None }
     }
 
     /// Notes that an answer was published.
@@ -153,6 +175,7 @@ impl Assured {
         let cell = self.ask_cell(&mut verdict, settings, now);
         verdict.reasons.extend(cell);
         self.hold_to_limit(&mut verdict, settings.force_limit_n);
+        verdict.reasons.extend(self.changed(settings));
         self.hold(&mut verdict, now.steady);
         verdict
     }
@@ -211,6 +234,15 @@ impl Assured {
             ));
         }
         None
+    }
+
+    /// Says which parameter has changed since the last judgement.
+    #[allow(clippy::float_cmp)] // whether it is the same value
+    fn changed(&mut self, settings: &Settings) -> Option<String> {
+        let now = terms(settings);
+        let before = self.terms.replace(now)?;
+        let ((name, from), (_, to)) = before.into_iter().zip(now).find(|(a, b)| a.1 != b.1)?;
+        Some(format!("{name} was changed from {from} to {to}: confirm that the motion goes on (guard: ~/resume)"))
     }
 
     fn hold_to_limit(&self, verdict: &mut Verdict, limit_n: f64) {
@@ -347,6 +379,10 @@ fn denials(live: &Live, shared: &Shared, settings: &Settings) -> Vec<String> {
         if !is_cell || settings.residual_band_n > 0.0 {
             denials.push(format!("{} {words}", doubt.topic()));
         }
+    }
+    let unwatched_s = live.watched.map_or(0.0, |at| at.elapsed().as_secs_f64());
+    if unwatched_s > UNWATCHED_S {
+        denials.push(format!("the node's own watch has stood still for {unwatched_s:.3} s: its housekeeping thread hangs"));
     }
     if shared.clock.is_simulated() {
         let stood_s = live.last_clock.map_or(Safety::NEVER, |at| at.elapsed().as_secs_f64());

@@ -199,6 +199,8 @@ pub(super) struct Live {
     pub last_pose: Option<LastPose>,
     /// Time at which simulated time last advanced.
     pub last_clock: Option<Instant>,
+    /// When the housekeeping thread last looked for other twins, silent inputs and old figures.
+    pub watched: Option<Instant>,
     /// Lead of the stamps of the newest pose and reading over the node's clock at reception, s.
     pub ahead_s: [Option<f64>; 2],
     /// Why a measurement is not evidence, and when that was last detected.
@@ -374,6 +376,7 @@ impl Live {
 
     /// Closes the window after a second.
     pub fn roll(&mut self, now: Instant) {
+        self.watched = Some(now);
         let begun = *self.window_begun.get_or_insert(now);
         let seconds = (now - begun).as_secs_f64();
         if seconds >= 1.0 {

@@ -8,6 +8,9 @@ use std::time::Duration;
 
 use ros2_guarded::threads::{join, spawn};
 
+use ros2_client::parameters::{ParameterValue, raw};
+use ros2_client::rcl_interfaces::{SetParametersRequest, SetParametersResponse};
+
 use super::fault::{Fault, Spoilt};
 use ros2_messages::RosMessage;
 use ros2_messages::builtin_interfaces::Time;
@@ -47,6 +50,15 @@ pub(super) enum Stream {
     Clock,
 }
 
+/// A parameter of a node, and what somebody sets it to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Setting {
+    pub of_guard: bool,
+    pub name: &'static str,
+    pub value: f64,
+    pub fault: &'static str,
+}
+
 /// What has been heard, wall times in ns.
 #[derive(Debug, Default)]
 pub(super) struct Heard {
@@ -56,8 +68,8 @@ pub(super) struct Heard {
     pub safety: Vec<([i64; 2], bool, String)>,
     /// When the fault came first.
     pub begun: Option<i64>,
-    /// Answer of a service that was asked.
-    pub answer: Option<TriggerResponse>,
+    /// Whether the service that was asked did as it was asked.
+    pub taken: Option<bool>,
 }
 
 #[derive(Debug, Default)]
@@ -66,6 +78,7 @@ struct Shared {
     fault: Mutex<Option<(Stream, Fault)>>,
     tare: AtomicBool,
     resume: AtomicBool,
+    set: Mutex<Option<Setting>>,
     stop: AtomicBool,
 }
 
@@ -119,6 +132,11 @@ impl Cable {
     /// Calls `/twin/tare`.
     pub fn tare(&self) {
         self.shared.tare.store(true, Ordering::Relaxed);
+    }
+
+    /// Calls `set_parameters` of a node.
+    pub fn set(&self, setting: Setting) {
+        *locked(&self.shared.set) = Some(setting);
     }
 
     /// Calls `/guard/resume`.
@@ -221,6 +239,8 @@ struct Lines {
     clock_stood: Option<i64>,
     tare: Client<TriggerRequest, TriggerResponse>,
     resume: Client<TriggerRequest, TriggerResponse>,
+    /// Of twin and guard.
+    set: [Client<SetParametersRequest, SetParametersResponse>; 2],
 }
 
 impl Lines {
@@ -244,6 +264,10 @@ impl Lines {
             clock_stood: None,
             tare: node.client("/twin/tare", "std_srvs", "Trigger")?,
             resume: node.client("/guard/resume", "std_srvs", "Trigger")?,
+            set: [
+                node.client("/twin/set_parameters", "rcl_interfaces", "SetParameters")?,
+                node.client("/guard/set_parameters", "rcl_interfaces", "SetParameters")?,
+            ],
         })
     }
 
@@ -284,8 +308,15 @@ impl Lines {
                 client.ask(&TriggerRequest::default());
             }
         }
-        if let Some(answer) = self.tare.answer() {
-            locked(&shared.heard).answer = Some(answer);
+        if let Some(setting) = locked(&shared.set).take() {
+            let value = ParameterValue::Double(setting.value).into();
+            let parameter = vec![raw::Parameter { name: setting.name.to_owned(), value }];
+            self.set[usize::from(setting.of_guard)].ask(&SetParametersRequest { parameter });
+            locked(&shared.heard).begun.get_or_insert_with(wall_nanos);
+        }
+        let set = self.set.iter().find_map(Client::answer).map(|a| a.results.iter().all(|result| result.successful));
+        if let Some(taken) = self.tare.answer().map(|answer| answer.success).or(set) {
+            locked(&shared.heard).taken = Some(taken);
         }
     }
 }

@@ -6,6 +6,7 @@
 
 mod cable;
 mod fault;
+mod hung;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,8 +16,9 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use rustix::process::{Pid, Signal, kill_process};
 
-use self::cable::{Cable, Heard, Stream};
+use self::cable::{Cable, Heard, Setting, Stream};
 use self::fault::Fault;
+use self::hung::Hung;
 use super::super::nodes::Node;
 use super::super::output::OutputFolder;
 use super::super::progress::Progress;
@@ -38,6 +40,9 @@ const LONGEST_S: f64 = 0.025;
 
 /// A value that stands still can be told from one at rest by the sensor's noise alone, which takes a number of readings, s.
 const LONGEST_FROZEN_S: f64 = 0.2;
+
+/// What the housekeeping thread of the twin looks after is not evidence of a pose: the twin says no when it has not looked for half a second, s.
+const LONGEST_UNWATCHED_S: f64 = 0.55;
 
 /// Every input of the closed loop with every fault: time to the no, longest false yes, where the needle comes to stand
 #[derive(Debug, Args)]
@@ -64,16 +69,52 @@ pub(super) struct Hazards {
 }
 
 /// What goes wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Hazard {
     Message(Stream, Fault),
     /// A process gets SIGSTOP, and after [`LASTS`] SIGCONT.
     Frozen(Process),
     /// A process gets SIGKILL.
     Killed(Process),
+    /// One thread of a process stands still for [`LASTS`].
+    Hung(Process, Thread),
+    /// Every process stands still for [`LASTS`], as on a machine that is suspended.
+    Suspended,
+    /// Somebody sets a parameter.
+    Set(Setting),
     /// `~/tare` inside the tissue, with the load cell jumping.
     Tare,
 }
+
+/// A thread by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Thread {
+    name: &'static str,
+    fault: &'static str,
+}
+
+const INPUT: Thread = Thread { name: "input", fault: "thread input hangs" };
+const SOLVER: Thread = Thread { name: "solver", fault: "thread solver hangs" };
+const FORCE: Thread = Thread { name: "force", fault: "thread force hangs" };
+const HOUSEKEEPING: Thread = Thread { name: "housekeeping", fault: "thread housekeeping hangs" };
+const MIDDLEWARE: Thread = Thread { name: "middleware", fault: "thread middleware hangs" };
+const CONTROL: Thread = Thread { name: "control", fault: "thread control hangs" };
+const DRIVER: Thread = Thread { name: "driver", fault: "thread driver hangs" };
+
+/// Settings that a node can't take.
+const REFUSED: [Setting; 4] = [
+    Setting { of_guard: false, name: "residual_band_n", value: f64::NAN, fault: "residual_band_n NaN" },
+    Setting { of_guard: false, name: "residual_band_n", value: -0.02, fault: "residual_band_n of the wrong sign" },
+    Setting { of_guard: false, name: "guard_timeout_s", value: 25_000.0, fault: "guard_timeout_s in microseconds" },
+    Setting { of_guard: true, name: "force_limit_n", value: 1e4, fault: "force_limit_n in millinewtons" },
+];
+
+/// Settings that are within their range, and wrong.
+const TAKEN: [Setting; 3] = [
+    Setting { of_guard: false, name: "residual_band_n", value: 20.0, fault: "residual_band_n in millinewtons" },
+    Setting { of_guard: false, name: "residual_band_n", value: 0.0, fault: "residual_band_n 0" },
+    Setting { of_guard: false, name: "guard_timeout_s", value: 25.0, fault: "guard_timeout_s in milliseconds" },
+];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Process {
@@ -117,22 +158,43 @@ impl Hazard {
                 };
                 [stream, fault]
             }
+            Self::Hung(process, thread) => [process.words(), thread.fault],
+            Self::Suspended => ["machine", "suspended and resumed"],
+            Self::Set(Setting { of_guard, fault, .. }) => [if of_guard { "parameters of the guard" } else { "parameters" }, fault],
             Self::Frozen(process) => [process.words(), "frozen and thawed"],
             Self::Killed(process) => [process.words(), "killed"],
             Self::Tare => ["service", "tare in tissue"],
         }
     }
 
-    /// Whether the loop mends it by itself: a middleware process is replaced, and then a yes is a true one.
-    const fn heals(self) -> bool {
-        matches!(self, Self::Frozen(Process::TwinMiddleware) | Self::Killed(Process::TwinMiddleware))
+    /// Whether it is refused.
+    fn is_refused(self) -> bool {
+        // NaN is not equal to itself
+        matches!(self, Self::Set(setting) if REFUSED.iter().any(|refused| refused.fault == setting.fault))
+    }
+
+    /// Whether all goes on as before, and rightly. The guard's housekeeping thread answers `~/resume` and says how it is; what moves the
+    /// needle is its control thread.
+    fn goes_on(self) -> bool {
+        self.is_refused() || self == Self::Hung(Process::Guard, HOUSEKEEPING)
+    }
+
+    /// Why a yes after the first no can be a true one.
+    const fn later_yes(self) -> Option<&'static str> {
+        match self {
+            Self::Frozen(Process::TwinMiddleware) | Self::Killed(Process::TwinMiddleware) => Some("replaced"),
+            Self::Set(_) => Some("as set"),
+            _ => None,
+        }
     }
 
     /// Longest false yes, s. A position that stood still in the middle of a step of its sensor before the insertion is not told from a needle at
     /// rest by its noise: where the twin alone hears it frozen, the guard that hears the needle has to act.
-    const fn longest_s(self) -> f64 {
+    fn longest_s(self) -> f64 {
         if matches!(self, Self::Message(Stream::PoseOfTwin, Fault::Frozen)) {
             f64::INFINITY
+        } else if self == Self::Hung(Process::Twin, HOUSEKEEPING) {
+            LONGEST_UNWATCHED_S
         } else if matches!(self, Self::Message(Stream::Pose | Stream::Force, Fault::Frozen)) {
             LONGEST_FROZEN_S
         } else {
@@ -145,6 +207,7 @@ impl Hazard {
         !matches!(
             self,
             Self::Message(Stream::Prediction | Stream::Safety | Stream::Command, _)
+                | Self::Hung(Process::Guard, _)
                 | Self::Frozen(Process::Guard | Process::GuardMiddleware)
                 | Self::Killed(Process::Guard | Process::GuardMiddleware)
         )
@@ -154,7 +217,7 @@ impl Hazard {
 /// All cells; with `quick` one of each kind.
 fn hazards(quick: bool) -> Vec<Hazard> {
     use Fault as F;
-    use Hazard::{Frozen, Killed, Message, Tare};
+    use Hazard::{Frozen, Hung, Killed, Message, Set, Suspended, Tare};
     use Process as P;
     use Stream as S;
     if quick {
@@ -168,6 +231,11 @@ fn hazards(quick: bool) -> Vec<Hazard> {
             Message(S::Clock, F::Frozen),
             Frozen(P::Twin),
             Frozen(P::Guard),
+            Hung(P::Twin, SOLVER),
+            Hung(P::Guard, CONTROL),
+            Set(REFUSED[0]),
+            Set(TAKEN[0]),
+            Suspended,
             Tare,
         ];
     }
@@ -202,6 +270,16 @@ fn hazards(quick: bool) -> Vec<Hazard> {
         F::Twisted,
     ];
     let of = |stream, faults: &[Fault]| faults.iter().map(move |fault| Message(stream, *fault)).collect::<Vec<_>>();
+    let threads = [
+        (P::Twin, INPUT),
+        (P::Twin, SOLVER),
+        (P::Twin, FORCE),
+        (P::Twin, HOUSEKEEPING),
+        (P::Twin, MIDDLEWARE),
+        (P::Guard, CONTROL),
+        (P::Guard, HOUSEKEEPING),
+        (P::Driver, DRIVER),
+    ];
     let processes = [P::Twin, P::TwinMiddleware, P::Guard, P::GuardMiddleware, P::Driver];
     [
         of(S::Pose, &pose),
@@ -212,6 +290,10 @@ fn hazards(quick: bool) -> Vec<Hazard> {
         of(S::Command, &[F::Silent, F::Frozen, F::Repeated, F::Behind, F::NotFinite, F::TwoSources]),
         of(S::Clock, &[F::Silent, F::Frozen, F::Ahead, F::Behind, F::TwoSources]),
         vec![Tare],
+        REFUSED.map(Set).to_vec(),
+        TAKEN.map(Set).to_vec(),
+        threads.map(|(process, thread)| Hung(process, thread)).to_vec(),
+        vec![Suspended],
         processes.map(Frozen).to_vec(),
         processes.map(Killed).to_vec(),
     ]
@@ -233,6 +315,8 @@ struct Seen {
     went_on_m: f64,
     /// Why the twin said no.
     reason: String,
+    /// Whether a node refused what was asked of it.
+    refused: bool,
 }
 
 impl Seen {
@@ -256,6 +340,7 @@ impl Seen {
             stood_s: moved(begun, ended).map(|w| since(w[1].0)).fold(0.0, f64::max),
             went_on_m: moved(ended, i64::MAX).map(|w| (w[1].2 * (w[1].0 - w[0].0) as f64 * 1e-9).abs()).sum(),
             reason: no.map(|(.., reason)| reason.to_owned()).unwrap_or_default(),
+            refused: heard.taken == Some(false),
         }
     }
 
@@ -269,14 +354,19 @@ impl Seen {
             stood_s: self.stood_s.max(other.stood_s),
             went_on_m: self.went_on_m.max(other.went_on_m),
             reason: if self.reason.is_empty() { other.reason } else { self.reason },
+            refused: self.refused && other.refused,
         }
     }
 
     /// Whether the loop did what it has to. The stop itself takes the guard's timeout, a cycle, the driver's timeout and braking; a machine
     /// that is busy makes it longer, and that is shown, not judged.
     fn holds(&self, hazard: Hazard) -> bool {
+        if hazard.goes_on() {
+            // a busy machine may make it say no for another reason
+            return self.refused == hazard.is_refused() && !self.reason.contains("was changed");
+        }
         let twin =
-            !hazard.concerns_twin() || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.heals()));
+            !hazard.concerns_twin() || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.later_yes().is_some()));
         // a needle without a guard that was killed stands for good, and so do all others until somebody says ~/resume
         let stands_s = if hazard.longest_s().is_finite() { 1.0 } else { LONGEST_FROZEN_S + 0.1 };
         twin && self.stood_s < stands_s && self.went_on_m < 1e-6
@@ -284,14 +374,18 @@ impl Seen {
 
     fn row(&self, hazard: Hazard) -> String {
         let [input, fault] = hazard.words();
+        let mark = if self.holds(hazard) { "yes" } else { "**no**" };
+        if hazard.goes_on() {
+            let first = if hazard.is_refused() { "refused" } else { "-" };
+            return format!("| {input} | {fault} | {first} | - | - | goes on | - | {mark} |");
+        }
         let twin = if hazard.concerns_twin() {
             let no = self.no_s.map_or("silent".to_owned(), |s| format!("{:.0}", 1e3 * s));
-            let later = if hazard.heals() { "replaced".to_owned() } else { self.later.to_string() };
+            let later = hazard.later_yes().map_or_else(|| self.later.to_string(), str::to_owned);
             format!("{no} | {:.0} | {later}", 1e3 * self.false_yes_s.max(0.0))
         } else {
             "- | - | -".to_owned()
         };
-        let mark = if self.holds(hazard) { "yes" } else { "**no**" };
         let went_on = if self.went_on_m < 1e-6 { "no".to_owned() } else { format!("{:.3} mm", 1e3 * self.went_on_m) };
         format!("| {input} | {fault} | {twin} | {:.0} | {went_on} | {mark} |", 1e3 * self.stood_s)
     }
@@ -429,12 +523,28 @@ impl Loop {
     }
 
     /// Lets the fault happen and be over; when it began and ended, ns.
-    fn suffer(&self, hazard: Hazard) -> [i64; 2] {
+    ///
+    /// # Errors
+    /// A thread can't be stopped.
+    fn suffer(&self, hazard: Hazard) -> Result<[i64; 2], CliError> {
+        const ALL: [Process; 5] =
+            [Process::Driver, Process::TwinMiddleware, Process::Twin, Process::GuardMiddleware, Process::Guard];
         let mut begun = wall_nanos();
+        let mut hung = None;
         match hazard {
             Hazard::Message(stream, fault) => self.cable.spoil(Some((stream, fault))),
             Hazard::Frozen(process) => begun = self.signal(process, Signal::STOP),
             Hazard::Killed(process) => begun = self.signal(process, Signal::KILL),
+            Hazard::Hung(process, thread) => {
+                let stopped = self.process(process).ok_or_else(|| "has no such process".to_owned());
+                hung = Some(stopped.and_then(|id| Hung::new(id, thread.name)).map_err(CliError::Nodes)?);
+            }
+            Hazard::Suspended => {
+                for process in ALL {
+                    let _ = self.signal(process, Signal::STOP);
+                }
+            }
+            Hazard::Set(setting) => self.cable.set(setting),
             Hazard::Tare => {
                 self.cable.spoil(Some((Stream::Force, Fault::Jumping)));
                 std::thread::sleep(Duration::from_millis(200));
@@ -446,22 +556,28 @@ impl Loop {
         match hazard {
             Hazard::Message(..) | Hazard::Tare => self.cable.spoil(None),
             Hazard::Frozen(process) => drop(self.signal(process, Signal::CONT)),
-            Hazard::Killed(_) => {}
+            Hazard::Suspended => {
+                for process in ALL {
+                    let _ = self.signal(process, Signal::CONT);
+                }
+            }
+            Hazard::Killed(_) | Hazard::Hung(..) | Hazard::Set(_) => drop(hung),
         }
         std::thread::sleep(LASTS);
         // the first message that was spoilt, not the wish for it
         let first = self.cable.heard().begun;
-        [if matches!(hazard, Hazard::Message(..) | Hazard::Tare) { first.unwrap_or(begun) } else { begun }, ended]
+        let by_message = matches!(hazard, Hazard::Message(..) | Hazard::Tare | Hazard::Set(_));
+        Ok([if by_message { first.unwrap_or(begun) } else { begun }, ended])
     }
 }
 
 fn run_one(hazard: Hazard, folder: &Path) -> Result<Seen, CliError> {
     let mut run = Loop::start(hazard, folder)?;
     run.reach(FAULT_AT_M)?;
-    let [begun, ended] = run.suffer(hazard);
+    let [begun, ended] = run.suffer(hazard)?;
     let heard = run.cable.heard();
     let mut seen = Seen::of(&heard, begun, ended, matches!(hazard, Hazard::Message(Stream::Clock, _)));
-    if hazard == Hazard::Tare && heard.answer.as_ref().is_none_or(|answer| answer.success) {
+    if hazard == Hazard::Tare && heard.taken != Some(false) {
         seen.later = seen.later.max(1);
         seen.reason = "the tare was taken, or not answered".to_owned();
     }

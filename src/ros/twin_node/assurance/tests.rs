@@ -150,6 +150,18 @@ fn the_force_limit_is_of_the_predicted_and_of_the_measured_force() {
     assert_eq!(said.len(), 400);
 }
 
+#[test]
+fn a_parameter_that_changes_is_a_no_once_even_if_it_loosens() {
+    let narrow = Settings { guard_timeout_s: 0.025, ..settings(0.02) };
+    let mut assured = Assured::new(0.0);
+    assert_eq!(yes(&narrow, 0..500, &mut assured, well).last(), Some(&499));
+    for wide in [settings(20.0), settings(0.0), Settings { guard_timeout_s: 25.0, ..narrow.clone() }] {
+        let said = yes(&wide, 500..1000, &mut assured, well);
+        assert_eq!(said.first(), Some(&601), "a yes only when all was well for {HOLD:?} under the new terms");
+        assert_eq!(yes(&narrow, 500..1000, &mut assured, well).first(), Some(&601));
+    }
+}
+
 /// A possible event in a millisecond.
 #[derive(Clone, Copy, Debug)]
 enum Step {
