@@ -178,7 +178,7 @@ fn a_further_member_is_a_small_part_of_a_twin() {
         ("needle_insertion", &[], 0.18),
         ("indentation", &[], 0.13),
         ("compression", &[], 0.13),
-        ("layered_tissue", &[], 0.13),
+        ("layered_tissue", &[], 0.15),
         ("needle_insertion", &[space], 0.25),
     ];
     for (preset, changes, most) in presets {

@@ -141,7 +141,16 @@ struct Verdict {
 impl Assured {
     pub const fn new(lever_m: f64) -> Self {
         let cell = Cell { usable: None, fault: None };
-        Self { lever_m, pose: None, agreement: None, cell, disagreed: false, well_since: None, safe: false, terms: None }
+        Self {
+            lever_m,
+            pose: None,
+            agreement: None,
+            cell,
+            disagreed: false,
+            well_since: None,
+            safe: false,
+            terms: None,
+        }
     }
 
     /// Notes that an answer was published.
@@ -382,7 +391,9 @@ fn denials(live: &Live, shared: &Shared, settings: &Settings) -> Vec<String> {
     }
     let unwatched_s = live.watched.map_or(0.0, |at| at.elapsed().as_secs_f64());
     if unwatched_s > UNWATCHED_S {
-        denials.push(format!("the node's own watch has stood still for {unwatched_s:.3} s: its housekeeping thread hangs"));
+        denials.push(format!(
+            "the node's own watch has stood still for {unwatched_s:.3} s: its housekeeping thread hangs"
+        ));
     }
     if shared.clock.is_simulated() {
         let stood_s = live.last_clock.map_or(Safety::NEVER, |at| at.elapsed().as_secs_f64());

@@ -28,7 +28,11 @@ pub(crate) fn conforms(
             Feature::Path { axis, capture_radius, length, .. } => {
                 path(domain, &axis, capture_radius, length, spacing.path_nodes(domain, f), points)?;
             }
-            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::Entry { .. } => {}
+            Feature::Rim { .. }
+            | Feature::Region { .. }
+            | Feature::Patch { .. }
+            | Feature::Entry { .. }
+            | Feature::Station { .. } => {}
         }
     }
     Ok(())

@@ -135,7 +135,11 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
                     fit_to_top(domain, outline, fine, &mut nodes, first)?;
                 }
             }
-            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::Entry { .. } => {}
+            Feature::Rim { .. }
+            | Feature::Region { .. }
+            | Feature::Patch { .. }
+            | Feature::Entry { .. }
+            | Feature::Station { .. } => {}
         }
     }
     interfaces::place_edges(domain, spacing, &mut nodes);
@@ -272,7 +276,7 @@ const CLOSEST_LAYER: f64 = 0.4;
 
 impl Spacing {
     /// Vertical depths of the layers of a path: equal steps between the places where its axis passes from one region to
-    /// another, or steps that grow from an [`Feature::Entry`] on.
+    /// another, or steps that grow from an [`Feature::Entry`] or a [`Feature::Station`] on.
     pub(crate) fn layers(&self, domain: &Domain, axis: &Axis, length: f64, spacing: f64) -> Vec<f64> {
         let height = domain.height();
         let depth = length / axis.secant();
@@ -293,7 +297,7 @@ impl Spacing {
         let mut layers = vec![0.0];
         for stretch in ends.windows(2) {
             let within = |t: f64| stretch[0] + t * (stretch[1] - stretch[0]);
-            if self.along(domain, axis, spacing, depth * stretch[0]) < spacing {
+            if stretch.iter().any(|end| self.along(domain, axis, spacing, depth * end) < spacing) {
                 let curve = |t: f64| axis.section(height, depth * within(t), 0.0, 0.0);
                 let graded = equidistribute(domain, self, &curve, false, 1);
                 layers.extend(graded.into_iter().map(|t| depth * within(t)));

@@ -182,7 +182,11 @@ impl Plane<'_> {
                     inner = capture_radius;
                 }
                 Feature::ContactRing { radius, .. } => marks.push(radius),
-                Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::Entry { .. } => {}
+                Feature::Rim { .. }
+                | Feature::Region { .. }
+                | Feature::Patch { .. }
+                | Feature::Entry { .. }
+                | Feature::Station { .. } => {}
             }
         }
         let (r, h) = (self.radius, self.height);

@@ -70,6 +70,19 @@ pub enum Feature {
         /// Growth of the spacing per metre of depth from there.
         growth: f64,
     },
+    /// Refines a needle's path, its layers and rings, and the cloud beside it at a depth where its tip presses.
+    Station {
+        /// The path's axis.
+        axis: Axis,
+        /// Below the top face, m.
+        depth: f64,
+        /// Radius of the cylinder about it within which the spacing depends on depth alone.
+        radius: f64,
+        /// Spacing there.
+        spacing: f64,
+        /// Growth of the spacing per metre of depth, both ways.
+        growth: f64,
+    },
     /// A region of another material: nodes lie on its boundary, and no cell reaches across. Of several that hold a point the
     /// first one counts.
     Region {
@@ -89,6 +102,7 @@ impl Feature {
             | Feature::Path { spacing, .. }
             | Feature::Patch { spacing, .. }
             | Feature::Entry { spacing, .. }
+            | Feature::Station { spacing, .. }
             | Feature::Region { spacing, .. } => spacing,
         }
     }
@@ -111,6 +125,9 @@ impl Feature {
             }
             Feature::Entry { axis, radius, depth, .. } => {
                 length2((axis.distance(height, p) - radius).max(0.0), (height - depth - p[2]).max(0.0))
+            }
+            Feature::Station { axis, depth, radius, .. } => {
+                length2((axis.distance(height, p) - radius).max(0.0), height - depth - p[2])
             }
             Feature::Path { axis, capture_radius, length, .. } => {
                 let r = (axis.distance(height, p) - capture_radius).max(0.0);
@@ -152,6 +169,7 @@ impl Feature {
                 let cap = PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s;
                 cap + 2.0 * PI * (radius + s) * depth
             }
+            Feature::Station { radius, .. } => PI * radius * radius + PI * PI * radius * s + 4.0 * PI * s * s,
             Feature::Rim { .. } => {
                 let length = match *domain {
                     Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => 2.0 * PI * radius,
@@ -191,7 +209,7 @@ impl Spacing {
         let mut h = self.far;
         for f in &self.features {
             h = h.min(match *f {
-                Feature::Entry { .. } => self.at_entry(f, domain, p),
+                Feature::Entry { .. } | Feature::Station { .. } => self.refined(f, domain, p),
                 _ => f.spacing() + self.growth * f.distance(domain, p),
             });
         }
@@ -208,18 +226,34 @@ impl Spacing {
         holding.fold(f64::INFINITY, f64::min)
     }
 
-    /// Spacing of the nodes of a needle's path at a depth below the top face, in metres: `spacing`, or less where the path enters.
+    /// Spacing of the nodes of a needle's path at a depth below the top face, in metres: `spacing`, or less where the path enters or a tip
+    /// presses.
     pub(crate) fn along(&self, domain: &Domain, axis: &Axis, spacing: f64, depth: f64) -> f64 {
         let p = axis.section(domain.height(), depth, 0.0, 0.0);
-        self.features.iter().map(|f| self.at_entry(f, domain, p)).fold(spacing, f64::min)
+        self.features.iter().map(|f| self.refined(f, domain, p)).fold(spacing, f64::min)
     }
 
-    /// What an entry asks for; infinite for other features.
-    fn at_entry(&self, f: &Feature, domain: &Domain, p: Point) -> f64 {
-        let Feature::Entry { axis, radius, spacing, depth, growth } = *f else { return f64::INFINITY };
-        let height = domain.height();
-        let r = axis.distance(height, p);
-        spacing + growth * (height - p[2] - depth).max(0.0) + self.growth * (r - radius).max(0.0)
+    /// What an entry or a station asks for; infinite for other features.
+    fn refined(&self, f: &Feature, domain: &Domain, p: Point) -> f64 {
+        let below = |depth: f64| domain.height() - p[2] - depth;
+        let (axis, radius, spacing, growth, away) = match *f {
+            Feature::Entry { axis, radius, spacing, depth, growth } => {
+                (axis, radius, spacing, growth, below(depth).max(0.0))
+            }
+            Feature::Station { axis, depth, radius, spacing, growth } => {
+                (axis, radius, spacing, growth, below(depth).abs())
+            }
+            _ => return f64::INFINITY,
+        };
+        spacing + growth * away + self.growth * (axis.distance(domain.height(), p) - radius).max(0.0)
+    }
+
+    /// Depths below the top face at which a needle's path of a length enters the body or passes from one region to another, m.
+    #[must_use]
+    pub fn passages(&self, domain: &Domain, axis: &Axis, length: f64) -> Vec<f64> {
+        let depth = length / axis.secant();
+        let curve = |t: f64| axis.section(domain.height(), t * depth, 0.0, 0.0);
+        std::iter::once(0.0).chain(self.crossings(&curve).into_iter().map(|t| t * depth)).collect()
     }
 
     /// Smallest spacing anywhere.

@@ -13,7 +13,8 @@
 //! the mean would never come.
 //!
 //! d: way of the rod along its axis; w: displacement of a layer of nodes along the axis. Behind the end a layer moves as one. The end
-//! acts on three layers j in the shares s_j: w_i = sum_j s_j w_ij over their rings i, and P_i acts on them in the same shares.
+//! acts on three layers j in the shares s_j: w_i = sum_j s_j w_ij over their rings i, and P_i acts on them in the same shares. The end has the
+//! rings of the layer that has most. Rings lie equal steps apart, and between those of a layer with fewer w_ij is linear.
 //!
 //! After a membrane has broken the tissue springs back, and swings: the masses are not those of tissue. What the end cuts and the wall
 //! slips then is where that comes to rest under the limits, so until then ([`End::springs`]) c_i and b follow it both ways, down to where
@@ -87,10 +88,9 @@ cloned_field_by_field! {
     pub(super) struct Drag {
         /// Unit vector into the body.
         pub axis: [f64; 3],
-        /// Nodes of each layer, ring by ring from the axis; all layers are alike.
+        /// Nodes of each layer, ring by ring from the axis.
         pub nodes: Vec<u32>,
-        /// Where each ring begins in a layer, and the number of a layer's nodes.
-        pub rings: Vec<usize>,
+        layers: Vec<Layer>,
         /// Share of the end's area of each ring.
         pub areas: Vec<f64>,
         /// Way of the rod on which what its end has bent becomes flat again behind it, m.
@@ -102,33 +102,85 @@ cloned_field_by_field! {
     }
 }
 
+cloned_field_by_field! {
+    /// Rings of one layer.
+    #[derive(Debug)]
+    struct Layer {
+        /// Where each ring begins in `nodes`, and where the next layer does.
+        rings: Vec<usize>,
+        /// Sum of the shares that each of them has in all rings of the end.
+        crowd: Vec<f64>,
+    }
+}
+
+impl Layer {
+    /// Rings of so many nodes from a place on, of a rod whose end has so many rings.
+    fn new(first: usize, sizes: &[usize], of_end: usize) -> Self {
+        let mut rings = vec![first];
+        sizes.iter().for_each(|size| rings.push(rings[rings.len() - 1] + size));
+        let mut layer = Self { rings, crowd: vec![0.0; sizes.len()] };
+        for ring in 0..of_end {
+            for (own, share) in layer.carries(ring, of_end) {
+                layer.crowd[own] += share;
+            }
+        }
+        layer
+    }
+
+    fn outermost(&self) -> usize {
+        self.rings.len() - 2
+    }
+
+    /// The rings that carry one of so many rings of the end, and their shares.
+    fn carries(&self, ring: usize, of_end: usize) -> [(usize, f64); 2] {
+        let (steps, most) = (self.outermost(), (of_end - 1).max(1));
+        let (inner, rest) = (ring * steps / most, ring * steps % most);
+        let share = rest as f64 / most as f64;
+        [(inner, 1.0 - share), ((inner + 1).min(steps), share)]
+    }
+
+    /// The ring of the end that is nearest to one of the layer's.
+    fn nearest(&self, own: usize, of_end: usize) -> usize {
+        (own * (of_end - 1) + self.outermost() / 2) / self.outermost().max(1)
+    }
+}
+
 impl Drag {
     /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end.
-    pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>, flattening: f64) -> Self {
-        let mut rings = vec![0];
-        ring_sizes.iter().for_each(|size| rings.push(rings[rings.len() - 1] + size));
-        let layers = nodes.len() / rings[ring_sizes.len()].max(1);
-        let walls = vec![Wall::default(); layers];
-        Self { axis, nodes, rings, areas, flattening, walls, end: End::default(), way: [0.0; 2] }
+    pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[Vec<usize>], areas: Vec<f64>, flattening: f64) -> Self {
+        let mut first = 0;
+        let layer = |sizes: &Vec<usize>| {
+            let layer = Layer::new(first, sizes, areas.len());
+            first += sizes.iter().sum::<usize>();
+            layer
+        };
+        let layers: Vec<Layer> = ring_sizes.iter().map(layer).collect();
+        let walls = vec![Wall::default(); layers.len()];
+        Self { axis, nodes, layers, areas, flattening, walls, end: End::default(), way: [0.0; 2] }
     }
 
     /// Places in `nodes` of a layer.
     pub fn layer(&self, layer: usize) -> std::ops::Range<usize> {
-        let size = self.rings[self.rings.len() - 1];
-        layer * size..(layer + 1) * size
+        let rings = &self.layers[layer].rings;
+        rings[0]..rings[rings.len() - 1]
     }
 
     /// Places of a ring of a layer.
     fn ring(&self, layer: usize, ring: usize) -> std::ops::Range<usize> {
-        let first = self.layer(layer).start;
-        first + self.rings[ring]..first + self.rings[ring + 1]
+        let rings = &self.layers[layer].rings;
+        rings[ring]..rings[ring + 1]
+    }
+
+    /// Places of the ring of a layer that touches the wall.
+    fn outermost(&self, layer: usize) -> std::ops::Range<usize> {
+        self.ring(layer, self.layers[layer].outermost())
     }
 
     /// Places that the wall acts on: all of a tied layer, the outermost ring of another.
     fn walled(&self, layer: usize) -> std::ops::Range<usize> {
         match self.walls[layer].grip {
             Grip::Tied => self.layer(layer),
-            Grip::Apart | Grip::Free => self.ring(layer, self.areas.len() - 1),
+            Grip::Apart | Grip::Free => self.outermost(layer),
         }
     }
 
@@ -153,7 +205,7 @@ impl Drag {
 
     /// Mean displacement of a layer's outermost ring along the axis, m.
     pub fn of_layer(&self, layer: usize, u: &[[f64; 3]]) -> f64 {
-        let ring = self.ring(layer, self.areas.len() - 1);
+        let ring = self.outermost(layer);
         let count = ring.len() as f64;
         ring.map(|p| self.along(p, u)).sum::<f64>() / count
     }
@@ -195,19 +247,25 @@ impl Drag {
         }
     }
 
-    /// The parts of a ring that the end acts on, and the share of each.
-    fn parts(&self, ring: usize) -> impl Iterator<Item = (std::ops::Range<usize>, f64)> {
-        (self.end.first..).zip(self.end.shares).filter(|(_, s)| *s > 0.0).map(move |(l, s)| (self.ring(l, ring), s))
+    /// The rings that carry a ring of the end, the share of each, and the sum of its shares in all rings of the end.
+    fn parts(&self, ring: usize) -> impl Iterator<Item = (std::ops::Range<usize>, f64, f64)> {
+        let pushed = (self.end.first..).zip(self.end.shares).filter(|(_, s)| *s > 0.0);
+        pushed.flat_map(move |(l, s)| {
+            let carries = self.layers[l].carries(ring, self.areas.len()).into_iter().filter(|(_, share)| *share > 0.0);
+            carries.map(move |(own, share)| (self.ring(l, own), s * share, s * self.layers[l].crowd[own]))
+        })
     }
 
     /// w_i of a ring after a step without the end, m, and the ring's springs, with a limit in N of the whole end.
     fn meets(&self, i: usize, u: &[[f64; 3]], slip: &Slip, limit: f64, mass: &[f64], rule: &Rule) -> (f64, Tip) {
         let (mut w, mut compliance) = (0.0, 0.0);
-        for (ring, weight) in self.parts(i) {
+        for (ring, weight, crowd) in self.parts(i) {
             let each = weight / ring.len() as f64;
+            // all rings of the end that a node carries push it at once
+            let together = crowd / ring.len() as f64;
             for p in ring {
                 w += each * (self.along(p, u) + slip.step[p]);
-                compliance += each * each / (mass[self.nodes[p] as usize] * rule.mass_factor);
+                compliance += each * together / (mass[self.nodes[p] as usize] * rule.mass_factor);
             }
         }
         let [spring, stiff, most] = [self.end.spring, self.end.stiff, limit].map(|sum| self.areas[i] * sum);
@@ -271,7 +329,7 @@ impl Drag {
             slip.dissipated += work * (c - slip.end[i]);
             slip.end[i] = c;
             slip.push[i] = force;
-            for (ring, weight) in self.parts(i) {
+            for (ring, weight, _) in self.parts(i) {
                 let each = force * weight / ring.len() as f64;
                 for p in ring {
                     slip.step[p] += each / (mass[self.nodes[p] as usize] * rule.mass_factor);
@@ -337,8 +395,8 @@ impl Drag {
         if spring <= 0.0 || layer.checked_sub(first).and_then(|j| shares.get(j)).is_none_or(|s| *s < most) {
             return false;
         }
-        let within = place - self.layer(layer).start;
-        let ring = self.rings.partition_point(|first| *first <= within) - 1;
+        let own = &self.layers[layer];
+        let ring = own.nearest(own.rings.partition_point(|first| *first <= place) - 1, self.areas.len());
         slip.push[ring] > 0.0 && (slip.stopped || slip.push[ring] < (1.0 - ROUND_OFF) * self.areas[ring] * limit)
     }
 

@@ -160,6 +160,11 @@ impl Solver {
         self.state.forget_motion();
     }
 
+    /// [`State::calm`].
+    pub fn calm(&mut self) {
+        self.state.calm(&mut self.work);
+    }
+
     /// [`State::drag_to`].
     pub fn drag_to(&mut self, way: f64) {
         self.state.drag_to(way);

@@ -3,6 +3,7 @@
 mod aside;
 mod backoff;
 mod block;
+mod calm;
 mod cloned;
 mod collapse;
 mod contact;

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 
+use super::calm::Seen;
 use super::contact::Surface;
 use super::drag::Drag;
 use super::half::Half;
@@ -98,6 +99,8 @@ pub struct Workspace {
     pub(super) scratch: Precise<Scratch<f32>, Scratch<f64>>,
     /// A displacement field beside the state's own, m, and then the force there, N.
     pub(super) image: Vec<[f64; 3]>,
+    /// Where the tissue was at the last look at its coming to rest.
+    pub(super) seen: Seen,
     /// Set from outside to end an advance before its last step.
     pub(super) stop: Arc<AtomicBool>,
 }
@@ -111,7 +114,10 @@ impl Workspace {
             Precise::F32(k) => Precise::F32(k.scratch(pool.threads())),
             Precise::F64(k) => Precise::F64(k.scratch(pool.threads())),
         };
-        Self { pool, scratch, image: vec![[0.0; 3]; model.points.len()], stop: Arc::default() }
+        let nodes = model.points.len();
+        // only what a rod holds is brought to rest in looks
+        let seen = Seen::new(if model.rest.drag.nodes.is_empty() { 0 } else { nodes });
+        Self { pool, scratch, image: vec![[0.0; 3]; nodes], seen, stop: Arc::default() }
     }
 
     /// Watches a flag: once it is set, an advance ends within 24 steps.
@@ -242,7 +248,7 @@ impl Model {
         self
     }
 
-    /// With a rod through layers of nodes (see [`Role::Dragged`]): `nodes` by layer and ring, the number of nodes in each ring of a
+    /// With a rod through layers of nodes (see [`Role::Dragged`]): `nodes` by layer and ring, the number of nodes in each ring of each
     /// layer, and the rings' shares of the area of the rod's end. `axis`: unit vector into the body; `flattening`: way of the rod on which a
     /// layer that its end has bent becomes flat again behind it, m.
     #[must_use]
@@ -250,7 +256,7 @@ impl Model {
         mut self,
         axis: [f64; 3],
         nodes: Vec<u32>,
-        ring_sizes: &[usize],
+        ring_sizes: &[Vec<usize>],
         areas: Vec<f64>,
         flattening: f64,
     ) -> Self {

@@ -98,6 +98,9 @@ impl Model {
     pub(super) fn set_out(&self, state: &mut State, advance: &Advance) -> [f64; 3] {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
+        if advance.travel != [0.0; 3] {
+            state.control.calm.forget();
+        }
         // what a rod drags may take many steps for a small way
         let steps = if state.constraints.drag.nodes.is_empty() { 1 } else { advance.steps };
         let of_travel = dot(&advance.travel, &advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
@@ -231,6 +234,7 @@ impl Model {
         }
         // masses are to be those of the earlier state: the one that was left may have had enormous ones
         self.evaluate(state, work);
+        state.control.calm.forget();
         with_kernel!((&self.kernel, &work.scratch) => (k, scratch) {
             let f = &mut state.moving.f;
             k.node_forces(scratch, &mut work.pool, f);
@@ -326,7 +330,7 @@ impl State {
             steps,
             travel,
             gain: self.control.motion.gain,
-            keep: (1.0 - DAMPING * slowest).max(0.0),
+            keep: (1.0 - DAMPING * self.control.calm.share() * slowest).max(0.0),
             learn: LEARNING * slowest,
             mass_factor: self.moving.mass_factor,
         }

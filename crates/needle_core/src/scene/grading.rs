@@ -27,8 +27,9 @@ pub struct Grading {
 const NONE: [f64; 2] = [0.235, 0.35];
 const PLATE: [f64; 2] = [0.235, 0.4];
 const INDENTER: [f64; 2] = [0.2235, 0.28];
-/// A needle; in a half plane one with friction; one that has a membrane to pierce, whose path is an eighth of the radius fine there. With a growth of 0.4 and supports of 1.6 round a needle in space a step costs a third, and the force is up to 1.4 % off finite
-/// elements where it is 0.8 % with these (`docs/lab/performance.md`).
+/// A needle; in a half plane one with friction; in space one that has a membrane to pierce. With a growth of 0.4 and supports of 1.6 round a
+/// needle in space a step costs a third, and the force is up to 1.4 % off finite elements where it is 0.8 % with these
+/// (`docs/lab/performance.md`).
 const NEEDLE: [f64; 2] = [0.274, 0.3];
 const FRICTION: [f64; 2] = [0.3, 0.3];
 const MEMBRANE: [f64; 2] = [0.3, 0.5];
@@ -38,6 +39,9 @@ const EDGE_OF_PLATE: f64 = 0.1;
 const EDGE_OF_INDENTER: f64 = 0.0304;
 const ON_PATH: f64 = 0.5;
 const EDGE_IN_OUTLINE: f64 = 0.3;
+/// Spacing in a half plane of several regions over that in space. A kinematic needle's scenes are coarser in space.
+const PLANE_REFINEMENT: f64 = 0.5;
+const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 /// Support radius over the mean edge length. Narrow supports are too stiff where the field bends sharply, plain sums too soft: consistent
 /// ones leave the first error alone, and take wider supports. Beside an interface, where supports are one-sided, wide ones are too soft
 /// (`docs/lab/integration.md`).
@@ -60,14 +64,24 @@ impl Scene {
             Some(_) if self.sample.shape.mesh().is_some() => NONE,
             Some((InstrumentKind::Plate, _)) => PLATE,
             Some((InstrumentKind::Indenter { .. }, _)) => INDENTER,
-            Some((InstrumentKind::Needle(_), true)) if self.has_membrane() => MEMBRANE,
             Some((InstrumentKind::Needle(_), true)) if dimension == Dimension::Axisymmetric => FRICTION,
+            Some((InstrumentKind::Needle(_), true)) if self.has_membrane() => MEMBRANE,
             Some((InstrumentKind::Needle(_), _)) => NEEDLE,
         };
         let by_size = || Metres(three_digits(share * half_thickness(&self.sample.shape)));
         let spacing = spacing.unwrap_or_else(by_size);
-        let edge_refinement = edge_refinement.unwrap_or_else(|| self.at_edge(spacing.get()));
+        let edge_refinement = edge_refinement.unwrap_or_else(|| self.at_edge(spacing.get(), dimension));
         Some(Grading { spacing, edge_refinement, growth: growth.unwrap_or(steepest), path_rings })
+    }
+
+    /// Spacing in a half plane over that in space: where there are several regions it is finer, and costs next to nothing.
+    #[must_use]
+    pub fn plane_refinement(&self) -> f64 {
+        match self.instrument.as_ref().map(|i| (&i.kind, i.is_frictional())) {
+            _ if self.regions.is_empty() => 1.0,
+            Some((InstrumentKind::Needle(_), false)) => NEEDLE_PLANE_REFINEMENT,
+            _ => PLANE_REFINEMENT,
+        }
     }
 
     /// Support radius over the mean edge length at a node, in the dimension that the scene runs in.
@@ -130,9 +144,12 @@ impl Scene {
     }
 
     /// Spacing at the edge of the instrument or on its path, over that far from it.
-    fn at_edge(&self, spacing: f64) -> f64 {
+    fn at_edge(&self, spacing: f64, dimension: Dimension) -> f64 {
+        let frictional = self.instrument.is_some_and(|i| i.is_frictional());
+        // what the path of another needle is in a half plane of several regions is finer by that
+        let finer = if frictional && dimension == Dimension::Axisymmetric { self.plane_refinement() } else { 1.0 };
         match self.instrument.as_ref().map(|i| &i.kind) {
-            Some(InstrumentKind::Needle(needle)) => within(ON_PATH * needle.capture_radius.get() / spacing),
+            Some(InstrumentKind::Needle(needle)) => within(ON_PATH * needle.capture_radius.get() / (finer * spacing)),
             _ if self.sample.shape.mesh().is_some() => EDGE_IN_OUTLINE,
             None | Some(InstrumentKind::Plate) => EDGE_OF_PLATE,
             Some(InstrumentKind::Indenter { diameter, .. }) => {

@@ -126,7 +126,15 @@ fn contact(
         ([a, b, c, c], table.volume[p])
     });
     if instrument.is_frictional() {
-        return frictional(scene, needle, &plane.points, held, [top, layout.layer(), layout.reach], corners, phi);
+        return frictional(
+            scene,
+            needle,
+            &plane.points,
+            held,
+            [top, layout.finest_layer(), layout.reach],
+            corners,
+            phi,
+        );
     }
     let nodes = held.iter().map(|&n| (n, top - plane.points[n as usize][2])).collect();
     let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.reach, layout.layer(), watched, corners);

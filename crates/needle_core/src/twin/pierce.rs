@@ -12,6 +12,8 @@ const STRIDES: f64 = 40.0;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 512;
+/// Looks after which damping is brought up to date: fewer see the pressure waves, too.
+const CALM: u32 = 4;
 
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64) -> f64 {
@@ -30,7 +32,7 @@ impl Twin {
         time_s: f64,
     ) -> Result<Option<(Balance, u32)>, Halt> {
         let (mut last, mut taken, mut sprang) = (None, 0, false);
-        for _ in 0..LOOKS {
+        for look in 0..LOOKS {
             let balance: &Balance = last.as_ref().unwrap_or(first);
             let energies = self.energies(balance);
             let settled = self.progress.pace.is_settled(balance, energies);
@@ -51,6 +53,9 @@ impl Twin {
             sprang |= springs;
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
             self.note(seen, tip, phase);
+            if look % CALM == 0 {
+                self.solver.calm();
+            }
             last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
             taken += LOOK;
         }

@@ -35,7 +35,8 @@ impl Drop for Hung {
 fn thread(process: rustix::process::Pid, name: &str) -> Option<Pid> {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", process.as_raw_nonzero())).ok()?;
     let mut tasks = tasks.flatten();
-    let is_it = |path: &std::path::Path| std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim() == name);
+    let is_it =
+        |path: &std::path::Path| std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim() == name);
     let task = tasks.find(|task| is_it(&task.path()))?;
     task.file_name().to_str()?.parse().ok().map(Pid::from_raw)
 }

@@ -160,7 +160,9 @@ impl Hazard {
             }
             Self::Hung(process, thread) => [process.words(), thread.fault],
             Self::Suspended => ["machine", "suspended and resumed"],
-            Self::Set(Setting { of_guard, fault, .. }) => [if of_guard { "parameters of the guard" } else { "parameters" }, fault],
+            Self::Set(Setting { of_guard, fault, .. }) => {
+                [if of_guard { "parameters of the guard" } else { "parameters" }, fault]
+            }
             Self::Frozen(process) => [process.words(), "frozen and thawed"],
             Self::Killed(process) => [process.words(), "killed"],
             Self::Tare => ["service", "tare in tissue"],
@@ -365,8 +367,8 @@ impl Seen {
             // a busy machine may make it say no for another reason
             return self.refused == hazard.is_refused() && !self.reason.contains("was changed");
         }
-        let twin =
-            !hazard.concerns_twin() || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.later_yes().is_some()));
+        let twin = !hazard.concerns_twin()
+            || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.later_yes().is_some()));
         // a needle without a guard that was killed stands for good, and so do all others until somebody says ~/resume
         let stands_s = if hazard.longest_s().is_finite() { 1.0 } else { LONGEST_FROZEN_S + 0.1 };
         twin && self.stood_s < stands_s && self.went_on_m < 1e-6

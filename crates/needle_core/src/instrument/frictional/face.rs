@@ -11,17 +11,28 @@ use mtled::cloud::Axis;
 
 use super::Shaft;
 
+/// Layers whose distances differ by less are equally close.
+const SAME_WIDTH: f64 = 1e-6;
 /// Circles of points over the face, each for the same share of its area.
 const CIRCLES: u32 = 64;
 /// Points on each of them where the needle is not an axis of symmetry.
 const AROUND: u32 = 32;
 
 impl Shaft {
-    /// Points that stand for the same share each of a tip's face, which is at the middle layer; with an axis of `symmetry`, on a radius.
+    /// The layer of that face: of those that are closest to their neighbours the one nearest to the middle.
+    fn faced(&self) -> usize {
+        let z = &self.depths;
+        let width = |k: usize| z[k + 1] - z[k - 1];
+        let least = (1..z.len() - 1).map(width).fold(f64::INFINITY, f64::min);
+        let close = (1..z.len() - 1).filter(|&k| width(k) < (1.0 + SAME_WIDTH) * least);
+        close.min_by_key(|k| k.abs_diff(z.len() / 2)).unwrap_or(z.len() / 2)
+    }
+
+    /// Points that stand for the same share each of a tip's face at a layer; with an axis of `symmetry`, on a radius.
     #[must_use]
     pub fn face(&self, axis: &Axis, top: f64, symmetry: bool) -> Vec<[f64; 3]> {
         let secant = axis.secant();
-        let depth = self.depths[self.depths.len() / 2] / secant;
+        let depth = self.depths[self.faced()] / secant;
         let [x, y] = axis.at(depth);
         let lean = axis.slope[0].hypot(axis.slope[1]);
         // layers lie level, so a face that leans is an ellipse there
@@ -40,10 +51,16 @@ impl Shaft {
     /// With the shares a_i, from phi_j at all points of the face.
     #[must_use]
     pub fn with_face(mut self, phi: &[(u32, f64)]) -> Self {
-        let ring: Vec<usize> = self.rings.iter().enumerate().flat_map(|(i, &size)| vec![i; size]).collect();
-        let mut place: Vec<(u32, usize)> = self.nodes.iter().zip(ring.iter().cycle()).map(|(&n, &r)| (n, r)).collect();
+        let most = self.rings.iter().map(Vec::len).max().unwrap_or(1);
+        // of a layer with fewer rings the nearest of the end's
+        let of_end = |sizes: &Vec<usize>, i: usize| (i * (most - 1) + (sizes.len() - 1) / 2) / (sizes.len() - 1);
+        let of_layer = |sizes: &Vec<usize>| -> Vec<usize> {
+            sizes.iter().enumerate().flat_map(|(i, &size)| vec![of_end(sizes, i); size]).collect()
+        };
+        let mut place: Vec<(u32, usize)> =
+            self.nodes.iter().copied().zip(self.rings.iter().flat_map(of_layer)).collect();
         place.sort_unstable();
-        let mut sums = vec![0.0; self.rings.len()];
+        let mut sums = vec![0.0; most];
         for (node, value) in phi {
             if let Ok(at) = place.binary_search_by_key(node, |p| p.0) {
                 sums[place[at].1] += value;

@@ -78,8 +78,7 @@ impl Frictional {
         let spring = if rigid { f64::INFINITY } else { 2.0 * mu * gap * passed / (1.0 - passed) };
         let (axis, beside) = (tip.axis_at(vertical), self.progress.beside[layer]);
         let to = [axis[0] - beside[0], axis[1] - beside[1], 0.0];
-        let size: usize = self.shaft.rings.iter().sum();
-        for &n in &self.shaft.nodes[layer * size..(layer + 1) * size] {
+        for &n in &self.shaft.nodes[self.shaft.layer(layer)] {
             if (before == Grip::Free) != (grip == Grip::Free) {
                 solver.set_role(n as usize, role);
             }
@@ -107,12 +106,11 @@ impl Frictional {
     }
 
     pub(super) fn release(&mut self, solver: &mut Solver) {
-        let size: usize = self.shaft.rings.iter().sum();
         for layer in 0..self.shaft.depths.len() {
             if self.progress.grip[layer] != Grip::Free {
                 self.progress.grip[layer] = Grip::Free;
                 solver.grip(layer, Wall::default());
-                let nodes = &self.shaft.nodes[layer * size..(layer + 1) * size];
+                let nodes = &self.shaft.nodes[self.shaft.layer(layer)];
                 nodes.iter().for_each(|&n| solver.set_role(n as usize, Role::Free));
             }
         }

@@ -99,10 +99,9 @@ impl Frictional {
         length: f64,
         cells: impl Iterator<Item = ([u32; 4], f64)>,
     ) -> Self {
-        let size: usize = shaft.rings.iter().sum();
         let mut layer_of = std::collections::BTreeMap::new();
         for (i, n) in shaft.nodes.iter().enumerate() {
-            layer_of.insert(*n, i / size);
+            layer_of.insert(*n, shaft.layer_of(i));
         }
         let (mut inner, mut volume) = (vec![Vec::new(); shaft.depths.len()], 0.0);
         for (point, (corners, v)) in (0u32..).zip(cells) {
@@ -303,9 +302,8 @@ impl Frictional {
 
     pub(super) fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
         self.take_over(earlier);
-        let size: usize = self.shaft.rings.iter().sum();
         for (i, &n) in self.shaft.nodes.iter().enumerate() {
-            let grip = self.progress.grip[i / size];
+            let grip = self.progress.grip[self.shaft.layer_of(i)];
             solver.set_role(n as usize, if grip == Grip::Free { Role::Free } else { Role::Dragged });
         }
         for (points, filled) in self.inner.iter().zip(&self.progress.filled) {

@@ -67,7 +67,7 @@ impl Resistance {
     }
 }
 
-/// Layers of nodes across the path, all alike, and what lies between them.
+/// Layers of nodes across the path, and what lies between them.
 #[derive(Clone, Debug)]
 pub struct Shaft {
     /// Depth of each layer below the top along the axis, m.
@@ -76,9 +76,11 @@ pub struct Shaft {
     pub nodes: Vec<u32>,
     /// Unit vector from the axis to each of them; zero on the axis.
     pub outward: Vec<[f64; 3]>,
-    /// Nodes in each ring of a layer.
-    pub rings: Vec<usize>,
-    /// Share of each ring in the push of the tip's face ([`Shaft::with_face`]).
+    /// Nodes in each ring of each layer; rings are equal steps apart, from the axis to R.
+    pub rings: Vec<Vec<usize>>,
+    /// Place of each layer's first node, and the number of nodes.
+    first: Vec<usize>,
+    /// Share of each ring of the layer with most of them in the push of the tip's face ([`Shaft::with_face`]).
     pub areas: Vec<f64>,
     /// What lies under each layer.
     pub under: Vec<Resistance>,
@@ -96,7 +98,7 @@ const SAME: f64 = 0.25;
 impl Shaft {
     /// From nodes on the path with their depth below the top along the axis, m, and distance from the axis, m; `None` if they don't lie
     /// in layers that
-    /// are all alike. `spacing`: usual distance between layers, m.
+    /// of rings. `spacing`: least distance between layers, m.
     #[must_use]
     pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -111,14 +113,23 @@ impl Shaft {
         let sizes = |layer: &Vec<(u32, f64, f64)>| -> Vec<usize> {
             layer.chunk_by(|a, b| b.2 - a.2 < SAME * spacing).map(<[_]>::len).collect()
         };
-        let rings = sizes(layers.first()?);
-        if rings.len() < 2 || layers.len() < 3 || layers.iter().any(|l| sizes(l) != rings) {
+        let rings: Vec<Vec<usize>> = layers.iter().map(sizes).collect();
+        let in_steps = |(layer, sizes): (&Vec<(u32, f64, f64)>, &Vec<usize>)| {
+            let ring = sizes.iter().enumerate().flat_map(|(i, &size)| std::iter::repeat_n(i, size));
+            let step = radius / (sizes.len() - 1) as f64;
+            sizes.len() > 1 && layer.iter().zip(ring).all(|(n, i)| (n.2 - i as f64 * step).abs() < SAME * spacing)
+        };
+        // as many rings are always of as many nodes
+        let alike = |a: &Vec<usize>| rings.iter().all(|b| a.len() != b.len() || a == b);
+        if layers.len() < 3 || !layers.iter().zip(&rings).all(in_steps) || !rings.iter().all(alike) {
             return None;
         }
+        let mut first = vec![0];
+        layers.iter().for_each(|layer| first.push(first[first.len() - 1] + layer.len()));
         let depths = layers.iter().map(|l| l[0].1).collect();
         let nodes = layers.iter().flatten().map(|(n, ..)| *n).collect();
         let (outward, areas, under) = (Vec::new(), Vec::new(), Vec::new());
-        Some(Self { depths, nodes, outward, rings, areas, under, radius, axis: [0.0, 0.0, -1.0] })
+        Some(Self { depths, nodes, outward, rings, first, areas, under, radius, axis: [0.0, 0.0, -1.0] })
     }
 
     /// Along an axis that meets the body's top at a height, m, through nodes at these places, m.
@@ -161,25 +172,37 @@ impl Shaft {
         (k, if share.abs() < 1e-6 { 0.0 } else { share.clamp(0.0, 1.0) })
     }
 
-    /// How the push at a depth is spread over layers: the first of three, and their shares. It acts over a length of R/8, at most
-    /// the distance h between layers: with x the depth, b that length and j the layer, all over h, and H the linear function of a layer,
+    /// How the push at a depth is spread over layers: the first of three, and their shares. It acts over a length b of R/8, at most
+    /// the distance between layers: with x the depth, and H_j the linear function of layer j,
     ///
     /// ```text
-    /// s_j = 1/b integral of H(y - j) dy over x - b/2 to x + b/2        sum 1, mean x
+    /// s_j = 1/b integral of H_j(y) dy over x - b/2 to x + b/2        sum 1, mean x
     /// ```
     ///
-    /// The quadratic B-splines at b = 1. At a sharp depth tissue yields twice as much to a push at a layer as halfway to the next one, at
-    /// b = 1 by a fifth of that; else the front goes on in leaps. Above the first layer there is none: the first one yields for it.
+    /// The quadratic B-splines where b is the distance. At a sharp depth tissue yields twice as much to a push at a layer as halfway to the next one, at
+    /// that length by a fifth of that; else the front goes on in leaps. Above the first layer there is none: the first one yields for it.
     #[must_use]
     pub fn spread(&self, depth: f64) -> (usize, [f64; 3]) {
         let (above, share) = self.place(depth);
         let nearest = (above + usize::from(share > 0.5)).min(self.depths.len() - 2);
-        let t = (above as f64 + share - nearest as f64).min(0.5);
-        let b = (SPREAD * self.radius / (self.depths[1] - self.depths[0])).min(1.0);
-        // integral of H from -1 to y
-        let to =
-            |y: f64| if y < 0.0 { 0.5 * (1.0 + y).max(0.0).powi(2) } else { 1.0 - 0.5 * (1.0 - y).max(0.0).powi(2) };
-        let [up, at, down] = [-1.0, 0.0, 1.0].map(|j| (to(t + 0.5 * b - j) - to(t - 0.5 * b - j)) / b);
+        let z = self.depths[nearest];
+        let below = self.depths[nearest + 1] - z;
+        let over = nearest.checked_sub(1).map_or(below, |k| z - self.depths[k]);
+        // from the nearest layer, m
+        let x = (self.depths[above] + share * (self.depths[above + 1] - self.depths[above]) - z).min(0.5 * below);
+        let b = (SPREAD * self.radius).min(over).min(below);
+        // integral of a function that rises to 1 at 0 over one length and falls over another, to y
+        let to = |y: f64, rise: f64, fall: f64| {
+            if y < 0.0 {
+                0.5 * rise * (1.0 + y / rise).max(0.0).powi(2)
+            } else {
+                0.5 * rise + 0.5 * fall * (1.0 - (1.0 - y / fall).max(0.0).powi(2))
+            }
+        };
+        // of the function of a layer at a distance from the nearest
+        let share_of =
+            |at: f64, rise: f64, fall: f64| (to(x + 0.5 * b - at, rise, fall) - to(x - 0.5 * b - at, rise, fall)) / b;
+        let [up, at, down] = [share_of(-over, over, over), share_of(0.0, over, below), share_of(below, below, below)];
         match nearest.checked_sub(1) {
             Some(first) => (first, [up, at, down]),
             None => (0, [at + 2.0 * up, down - up, 0.0]),
@@ -205,10 +228,20 @@ impl Shaft {
         sum
     }
 
+    /// Places of the nodes of a layer.
+    pub fn layer(&self, layer: usize) -> std::ops::Range<usize> {
+        self.first[layer]..self.first[layer + 1]
+    }
+
+    /// Layer of a place.
+    pub fn layer_of(&self, place: usize) -> usize {
+        self.first.partition_point(|first| *first <= place) - 1
+    }
+
     /// Places of the nodes of a layer's outermost ring.
     pub fn wall(&self, layer: usize) -> std::ops::Range<usize> {
-        let (size, outermost) = (self.rings.iter().sum::<usize>(), self.rings.last().copied().unwrap_or(0));
-        (layer + 1) * size - outermost..(layer + 1) * size
+        let end = self.first[layer + 1];
+        end - self.rings[layer].last().copied().unwrap_or(0)..end
     }
 
     /// The first layer below a depth under which another region begins.

@@ -1,0 +1,79 @@
+//! Damping of tissue that comes to rest without the instrument's motion: after a membrane has broken, after a turn.
+//!
+//! ```text
+//! omega^2 = du . df / (du . M du)       du: displacement between two looks, m; df: change of the internal force, N; M: scaled masses
+//! ```
+//!
+//! The Rayleigh quotient of the present motion, as in adaptive dynamic relaxation (Underwood, in Computational Methods for Transient
+//! Analysis, 1983). A rod that slips holds the tissue by forces and not by places. That frees modes which are slower than the body's own,
+//! and with damping that is critical for the body's they creep.
+
+use super::inertia::dot;
+use super::model::Workspace;
+use super::state::State;
+
+/// Lowest frequency that is taken for that of a mode, over that of the body.
+const LEAST: f64 = 0.1;
+/// Share of an estimate that the next one keeps.
+const KEEPS: f64 = 0.5;
+
+/// Damping of a state.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Calm {
+    /// Whether [`Seen`] is of the present rest.
+    seen: bool,
+    /// Frequency for which damping is critical, over that of the body.
+    share: Option<f64>,
+}
+
+/// What the last look saw: displacements, m, and internal forces, N.
+#[derive(Debug)]
+pub(super) struct Seen {
+    u: Vec<[f64; 3]>,
+    f: Vec<[f64; 3]>,
+}
+
+impl Seen {
+    /// Of a body of so many nodes.
+    pub fn new(nodes: usize) -> Self {
+        Self { u: vec![[0.0; 3]; nodes], f: vec![[0.0; 3]; nodes] }
+    }
+}
+
+impl Calm {
+    /// The instrument moves, or the state is another.
+    pub fn forget(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Frequency for which damping is critical, over that of the body.
+    pub fn share(&self) -> f64 {
+        self.share.unwrap_or(1.0)
+    }
+}
+
+impl State {
+    /// Looks at tissue that comes to rest, between two advances at the same pose: damping follows the frequency of its motion.
+    pub fn calm(&mut self, work: &mut Workspace) {
+        let slowest = self.slowest();
+        let (moving, calm, mass) = (&self.moving, &mut self.control.calm, &self.control.mass);
+        let Seen { u, f } = &mut work.seen;
+        if calm.seen {
+            let (mut stiffness, mut inertia) = (0.0, 0.0);
+            for n in 0..mass.len() {
+                let moved = std::array::from_fn(|k| moving.u[n][k] - u[n][k]);
+                let changed = std::array::from_fn(|k| moving.f[n][k] - f[n][k]);
+                stiffness += dot(&moved, &changed);
+                inertia += mass[n] * moving.mass_factor * dot(&moved, &moved);
+            }
+            let share = (stiffness / inertia).max(0.0).sqrt() / slowest;
+            if share.is_finite() {
+                let share = share.clamp(LEAST, 1.0);
+                calm.share = Some(calm.share.map_or(share, |before| KEEPS * before + (1.0 - KEEPS) * share));
+            }
+        }
+        u.copy_from_slice(&moving.u);
+        f.copy_from_slice(&moving.f);
+        calm.seen = true;
+    }
+}
