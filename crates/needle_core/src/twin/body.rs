@@ -1,6 +1,6 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
-use crate::instrument::{Contact, surface};
+use crate::instrument::{Contact, Resistance, surface};
 use crate::mesh::Volumes;
 use crate::scene::{Cells, Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, MAX_GROWTH, Reflected, Solid, Spacing};
@@ -33,11 +33,12 @@ const WALL_FINEST: f64 = 0.004;
 /// Largest growth of the spacing round that edge.
 const WALL_GROWTH: f64 = 0.15;
 /// Largest spacing along the path of a needle that presses before it enters in a half plane, over the capture radius: of one with a wall, and
-/// of one with friction where it enters or passes from one region to another, if it has a membrane to pierce. The edge of its tip is sharp as
-/// well.
+/// of one with friction at the membranes that it has to pierce. The edge of its tip is sharp as well.
 const PRESSED_PATH_SPACING: f64 = 0.125;
 /// The cloud beside that place is as fine, to this distance from the axis over the capture radius.
 const STATION_RADIUS: f64 = 1.5;
+/// What lies so far under a boundary, over the capture radius, is the region behind it.
+const UNDER_IT: f64 = 1e-3;
 /// Growth of the spacing with the distance from there along the path. With 0.4 an inner membrane breaks 50 um too early, with 0.25 and 0.2 35
 /// and 10.
 const STATION_GROWTH: f64 = 0.2;
@@ -230,7 +231,7 @@ impl Layout {
             layout.refine_path(PRESSED_PATH_SPACING);
         }
         if scene.has_membrane() {
-            layout.refine_stations(domain);
+            layout.refine_at_membranes(scene, domain);
         }
         if scene.regions.is_empty() && scene.instrument.as_ref().is_some_and(enters_at_once) {
             let entry = layout.spacing.features.iter().find_map(entry);
@@ -248,14 +249,19 @@ impl Layout {
         }
     }
 
-    /// Makes a needle's path finer where its tip may press on a membrane.
-    fn refine_stations(&mut self, domain: &Domain) {
+    /// Makes a needle's path finer where its tip presses on a membrane.
+    fn refine_at_membranes(&mut self, scene: &Scene, domain: &Domain) {
         let passages = |f: &Feature| match *f {
             Feature::Path { axis, capture_radius, length, .. } => Some((axis, capture_radius, length)),
             _ => None,
         };
         let Some((axis, radius, length)) = self.spacing.features.iter().find_map(passages) else { return };
-        let depths = self.spacing.passages(domain, &axis, length);
+        let mut depths = self.spacing.passages(domain, &axis, length);
+        let height = domain.height();
+        depths.retain(|depth| {
+            let below = axis.section(height, depth + UNDER_IT * radius, 0.0, 0.0);
+            Resistance::of(scene, regions::at(scene, height, below), 2.0 * radius).puncture > 0.0
+        });
         self.spacing.features.extend(depths.into_iter().map(|depth| Feature::Station {
             axis,
             depth,
