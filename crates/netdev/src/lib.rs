@@ -13,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 use std::net::{Ipv4Addr, Ipv6Addr};
+use std::sync::OnceLock;
 
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::{InterfaceFlags, if_nametoindex};
@@ -65,9 +66,21 @@ impl Interface {
     }
 }
 
+/// What [`at_every_look`] was given.
+static AT_EVERY_LOOK: OnceLock<fn()> = OnceLock::new();
+
+/// Has `hook` called at every [`get_interfaces`] from now on; the first hook stays.
+///
+/// RustDDS does not give its sockets away, and looks at the addresses after it has opened them and before it sends anything: the
+/// moment to set options of theirs.
+pub fn at_every_look(hook: fn()) {
+    AT_EVERY_LOOK.get_or_init(|| hook);
+}
+
 /// Every address of this machine, in the system's order; none if the system does not tell.
 #[must_use]
 pub fn get_interfaces() -> Vec<Interface> {
+    AT_EVERY_LOOK.get().inspect(|hook| hook());
     let mtu = loopback_mtu();
     let Ok(addresses) = getifaddrs() else { return Vec::new() };
     let interface = |of: nix::ifaddrs::InterfaceAddress| {
