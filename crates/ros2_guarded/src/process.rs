@@ -26,6 +26,7 @@ use super::graph::{EndpointRecord, Graph};
 use super::loopback;
 use super::obituary;
 use super::outflow::{Writer, publish_all};
+use super::prompt::Prompt;
 use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
@@ -151,7 +152,12 @@ impl Domain {
             subscriptions: Vec::new(),
             servers: Vec::new(),
             clients: Vec::new(),
-            graph: Graph::new(&context.domain_participant(), Arc::clone(uplink), Rc::clone(&readers)),
+            graph: Graph::new(
+                &context.domain_participant(),
+                Arc::clone(uplink),
+                Rc::clone(&readers),
+                Prompt::new(ear.port()).ok(),
+            ),
             readers,
             ear,
             hears: plan.hears,
@@ -199,7 +205,9 @@ impl Domain {
             }
             Role::Server => {
                 let names = [&endpoint.name, &endpoint.package, &endpoint.type_name].map(String::as_str);
-                self.servers.push(Served::new(number, &self.context, node, names, &profile)?);
+                let served = Served::new(number, &self.context, node, names, &profile)?;
+                self.graph.serve(served.reader());
+                self.servers.push(served);
             }
             Role::Client { cyclone } => {
                 let type_name = ServiceTypeName::new(&endpoint.package, &endpoint.type_name);
