@@ -5,6 +5,7 @@
 //! Where the system gives a user no network namespaces (`unshare -rn`), the test says so and is not tried.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use crate::fast_dds;
 use crate::ros;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -140,6 +141,11 @@ fn child_between_two_hosts() {
     let seconds = forces[0]["header"]["stamp"]["sec"].as_i64().unwrap();
     assert!((START_S..START_S + 20).contains(&seconds));
     rig.stop("INT");
+    let mut there = Command::new("nsenter");
+    there.args(host.enter(&[]));
+    if let Some(answers) = fast_dds::call(there, DOMAIN, fast_dds::LIST, 3) {
+        assert!(answers.iter().all(|(_, bytes)| *bytes > 1452), "answers that a network card would cut: {answers:?}");
+    }
     let (_, log, _) = twin.stop("INT");
     assert!(cable.stop("TERM").1.contains(&format!("{HERE} to 239.255.0.1")), "discovery goes over the cable");
     let exposed = "heard by every network of this machine: whoever is on them can read, send poses";
