@@ -179,7 +179,7 @@ fn check_bag(arguments: &Info) -> Result<Outcome, CliError> {
             Err(CliError::BagRefused { bag: arguments.bag.clone(), errors })
         }
         Some(Severity::Lost) => Ok(Outcome::Lossy),
-        Some(Severity::Warning) | None => Ok(Outcome::Complete),
+        Some(Severity::Warning | Severity::Note) | None => Ok(Outcome::Complete),
     }
 }
 
@@ -188,6 +188,7 @@ fn word(severity: Severity) -> &'static str {
         Severity::Error => "error",
         Severity::Lost => "lost",
         Severity::Warning => "warning",
+        Severity::Note => "note",
     }
 }
 
@@ -201,7 +202,7 @@ fn check_json(report: &CheckReport) -> String {
 
 fn check_text(report: &CheckReport) -> String {
     let lines = report.findings.iter().map(|f| format!("{}: {}\n", word(f.severity), terminal::line(&f.text)));
-    let what = if report.findings.is_empty() { "sound" } else { "read" };
+    let what = if report.worst().is_none_or(|worst| worst == Severity::Note) { "sound" } else { "read" };
     let (messages, topics) = (report.messages, report.topics);
     format!("{}{}: {what}, {messages} messages on {topics} topics\n", lines.collect::<String>(), report.bag)
 }

@@ -16,12 +16,14 @@ pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
     file::load(name_or_path).map_err(NodeError::program)
 }
 
-/// One declaration per key that applies to the scene; the scene's own value is the default.
+/// One declaration per key that applies to the scene; the scene's own value is the default. The description is prose, which
+/// `ros2 param load` would take for YAML.
 #[must_use]
 pub fn declarations(scene: &Scene) -> Vec<Declaration> {
     scene
         .entries()
         .into_iter()
+        .filter(|(path, _)| path != "description")
         .filter_map(|(path, value)| {
             let key = keys::find(&path)?;
             let default = to_parameter(&value);

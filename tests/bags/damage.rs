@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_recording::{Recording, TopicNames};
+use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::sensor_msgs::JointState;
-use ros2_messages::std_msgs::Float64;
-use rosbag2_mcap::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};
+use ros2_messages::std_msgs::{Float64, Header};
+use rosbag2_mcap::{BagError, BagReader, BagWriter, CheckReport, Loss, Qos, Severity, WriterOptions, check};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use testkit::random::Random;
@@ -327,6 +328,34 @@ fn the_check_finds_what_makes_other_readers_fail() {
         let found = findings(good.replace(from, to));
         assert!(found.contains(said) || said == "version is 10" && found.contains("version 10"), "{from}: {found}");
     }
+}
+
+/// A bag of stamps in ms, 10 ms of recording apart.
+fn stamped(folder: &Path, name: &str, stamps_ms: impl Iterator<Item = i64>) -> CheckReport {
+    let path = folder.join(name);
+    let mut bag = BagWriter::create(&path, WriterOptions::default()).unwrap();
+    let topic = bag.add_topic::<JointState>("/measured_js", &Qos::reliable(10)).unwrap();
+    for (i, stamp_ms) in (0..).zip(stamps_ms) {
+        let header = Header { stamp: Time::from_nanos(stamp_ms * 1_000_000), ..Header::default() };
+        let joint = JointState { header, name: vec!["insertion".into()], position: vec![0.0], ..JointState::default() };
+        bag.write(topic, i * 10_000_000, i * 10_000_000, &joint).unwrap();
+    }
+    bag.finish().unwrap();
+    check(&path).unwrap()
+}
+
+#[test]
+fn a_loop_is_told_from_stamps_in_disorder() {
+    let folder = tempfile::tempdir().unwrap();
+    let looped = stamped(folder.path(), "looped", (0..3).flat_map(|_| (1000..2000).step_by(10)));
+    let text = "time starts again 2 times, as where a player loops or a simulator is reset: /measured_js";
+    assert_eq!((looped.worst(), &*looped.findings[0].text), (Some(Severity::Note), text));
+    assert_eq!(looped.findings.len(), 1);
+    // two messages that two others have overtaken, and one from long ago
+    let disorder = [1000, 1010, 1040, 1020, 1030, 1050, 500, 1060];
+    let disorder = stamped(folder.path(), "disorder", disorder.into_iter());
+    let text = "/measured_js: 3 messages are stamped earlier than one before them";
+    assert_eq!((disorder.worst(), &*disorder.findings[0].text), (Some(Severity::Warning), text));
 }
 
 #[test]

@@ -14,9 +14,12 @@ pub use testkit::python;
 /// Loopback only and no multicast, so that nothing leaks to a real network.
 pub const CYCLONE: &str = r#"<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"#;
 
-/// As rmw_cyclonedds_cpp of Jazzy configures it: no interface is named, so a network card is announced and datagrams are those of a
-/// card, 1.4 kB.
+/// As rmw_cyclonedds_cpp of Jazzy configures it with `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST`: no interface is named, so a network card
+/// is announced and datagrams are those of a card, 1.4 kB.
 pub const CYCLONE_AS_ROS: &str = r#"<CycloneDDS><Domain Id="any"><General><AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers><Peer Address="localhost"/></Peers></Discovery></Domain></CycloneDDS>"#;
+
+/// The same at ROS's default range, SUBNET: discovery by multicast through the network card alone.
+pub const CYCLONE_SUBNET: &str = r#"<CycloneDDS><Domain Id="any"><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery></Domain></CycloneDDS>"#;
 
 /// How a node is to find the router of [`Peer`] in the domain: as by default, but at a port of its own.
 pub fn zenoh_router(domain: u16) -> String {
@@ -208,21 +211,23 @@ impl Peer {
 
     /// With a configuration of its own.
     pub fn start_with(domain: u16, configuration: &str) -> Self {
+        Self::start_by(Command::new("env"), domain, configuration)
+    }
+
+    /// By a program that runs the command after its own arguments.
+    pub fn start_by(mut program: Command, domain: u16, configuration: &str) -> Self {
         let script = if crate::ZENOH { "zenoh_peer.py" } else { "peer.py" };
-        let mut child = Command::new(if crate::ZENOH {
-            python::environment("python-zenoh", &ZENOH_PACKAGES)
-        } else {
-            python::python()
-        })
-        .arg(format!("{}/tests/peers/{script}", env!("CARGO_MANIFEST_DIR")))
-        .env("ROUTER_PORT", router_port(domain).to_string())
-        .env("ROS_DOMAIN_ID", domain.to_string())
-        .env("CYCLONEDDS_URI", configuration)
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
+        let mut child = program
+            .arg(if crate::ZENOH { python::environment("python-zenoh", &ZENOH_PACKAGES) } else { python::python() })
+            .arg(format!("{}/tests/peers/{script}", env!("CARGO_MANIFEST_DIR")))
+            .env("ROUTER_PORT", router_port(domain).to_string())
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("CYCLONEDDS_URI", configuration)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
         let stdin = child.stdin.take().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let mut peer = Self { child, stdin, stdout };

@@ -7,6 +7,7 @@ const ZENOH: bool = false;
 mod chromium;
 #[path = "../fuzz/command_line.rs"]
 mod command_line;
+mod fast_dds;
 mod faults;
 mod identify;
 mod idle;

@@ -7,12 +7,13 @@
 //! overflow the receive buffer of Fast DDS: `docs/lab/decisions/datagrams.md`.
 //!
 //! So this crate stands in netdev's place (`[patch.crates-io]` of the workspace) and gives each IPv4 address alone, as a subnet of
-//! one address, with the MTU of the loopback. All other addresses are in no subnet, for which RustDDS takes 1452 bytes, which
-//! Ethernet carries. It has what RustDDS calls and nothing else, is written anew, and can go when RustDDS asks for the route itself
+//! one address, with the MTU of the loopback. All other addresses are in a last subnet with an MTU of 16 kB: the kernel cuts a datagram
+//! into what the network carries, and the answer of a service in one piece reaches Fast DDS. It has what RustDDS calls and nothing else, is written anew, and can go when RustDDS asks for the route itself
 //! (`docs/lab/upstream/rustdds.md`, 8).
 #![forbid(unsafe_code)]
 
 use std::net::{Ipv4Addr, Ipv6Addr};
+use std::sync::OnceLock;
 
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::{InterfaceFlags, if_nametoindex};
@@ -33,21 +34,29 @@ pub struct Interface {
 
 /// An own address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Own<A>(A);
+pub struct Own<A> {
+    address: A,
+    /// Whether every other address counts to its subnet.
+    of_all: bool,
+}
 
 impl<A: Copy> Own<A> {
+    fn alone(address: A) -> Self {
+        Self { address, of_all: false }
+    }
+
     /// The address.
     #[must_use]
     pub fn addr(&self) -> A {
-        self.0
+        self.address
     }
 }
 
 impl Own<Ipv4Addr> {
-    /// The mask of a subnet that has this address alone.
+    /// The mask of a subnet that has this address alone, or every address.
     #[must_use]
     pub fn netmask(&self) -> Ipv4Addr {
-        Ipv4Addr::BROADCAST
+        if self.of_all { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::BROADCAST }
     }
 }
 
@@ -65,19 +74,41 @@ impl Interface {
     }
 }
 
+/// Largest packet to another machine. An answer of `ros2 param dump` goes into one. The kernel keeps a datagram of which a fragment was lost
+/// for 30 s, and takes no more once these fill 4 MB: with 64 kB that is so where one fragment in a thousand is lost.
+const OTHERS_MTU: u32 = 16_384;
+
+/// What [`at_every_look`] was given.
+static AT_EVERY_LOOK: OnceLock<fn()> = OnceLock::new();
+
+/// Has `hook` called at every [`get_interfaces`] from now on; the first hook stays.
+///
+/// RustDDS does not give its sockets away, and looks at the addresses after it has opened them and before it sends anything: the
+/// moment to set options of theirs.
+pub fn at_every_look(hook: fn()) {
+    AT_EVERY_LOOK.get_or_init(|| hook);
+}
+
 /// Every address of this machine, in the system's order; none if the system does not tell.
 #[must_use]
 pub fn get_interfaces() -> Vec<Interface> {
+    AT_EVERY_LOOK.get().inspect(|hook| hook());
     let mtu = loopback_mtu();
     let Ok(addresses) = getifaddrs() else { return Vec::new() };
     let interface = |of: nix::ifaddrs::InterfaceAddress| {
         let address = of.address?;
-        let ipv4 = address.as_sockaddr_in().map(|a| Own(a.ip()));
-        let ipv6 = address.as_sockaddr_in6().map(|a| Own(a.ip()));
+        let ipv4 = address.as_sockaddr_in().map(|a| Own::alone(a.ip()));
+        let ipv6 = address.as_sockaddr_in6().map(|a| Own::alone(a.ip()));
         let index = if_nametoindex(of.interface_name.as_str()).unwrap_or(0);
         (ipv4.is_some() || ipv6.is_some()).then_some(Interface { index, ipv4, ipv6, mtu, flags: of.flags })
     };
-    addresses.filter_map(interface).collect()
+    addresses.filter_map(interface).chain([others()]).collect()
+}
+
+/// What stands for all other machines: the loopback's address once more, behind the own ones, in the subnet of all.
+fn others() -> Interface {
+    let ipv4 = Some(Own { address: Ipv4Addr::LOCALHOST, of_all: true });
+    Interface { index: 0, ipv4, ipv6: None, mtu: Some(OTHERS_MTU), flags: InterfaceFlags::IFF_LOOPBACK }
 }
 
 /// MTU of the loopback device; none where the system does not say it here, which RustDDS takes for 1500 bytes.
@@ -96,15 +127,18 @@ mod tests {
     #[test]
     fn a_datagram_of_the_mtu_goes_to_every_own_address_in_one_piece() {
         let all = get_interfaces();
-        assert!(all.iter().any(|i| i.is_loopback() && i.ipv4 == Some(Own(Ipv4Addr::LOCALHOST)) && i.index != 0));
-        for own in all.iter().filter_map(|i| i.ipv4) {
+        let of_loopback = Some(Own::alone(Ipv4Addr::LOCALHOST));
+        assert!(all.iter().any(|i| i.is_loopback() && i.ipv4 == of_loopback && i.index != 0));
+        let (last, own) = all.split_last().unwrap();
+        assert_eq!((last.ipv4.unwrap().netmask(), last.mtu), (Ipv4Addr::UNSPECIFIED, Some(OTHERS_MTU)));
+        for own in own.iter().filter_map(|i| i.ipv4) {
             let size = loopback_mtu().unwrap() as usize - 48;
             let ear = UdpSocket::bind((own.addr(), 0)).unwrap();
             ear.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();
             let mouth = UdpSocket::bind((own.addr(), 0)).unwrap();
             assert_eq!(mouth.send_to(&vec![7; size], ear.local_addr().unwrap()).unwrap(), size);
             assert_eq!(ear.recv(&mut vec![0; 1 << 16]).unwrap(), size);
-            // every own address and no other is in its subnet
+            // no other address is in its subnet
             assert_eq!(own.netmask(), Ipv4Addr::BROADCAST);
         }
     }

@@ -13,6 +13,7 @@ use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
 use ros2_client::qos::{Durability, Reliability};
 use smol::stream::StreamExt;
 
+use super::prompt::Prompt;
 use super::services::ReplyReaders;
 use super::uplink::Uplink;
 use super::wire::{Head, Kind, UNSTAMPED};
@@ -74,11 +75,25 @@ pub(super) struct Graph {
     warned: BTreeSet<(GUID, GUID)>,
     uplink: Arc<Uplink>,
     readers: Rc<ReplyReaders>,
+    /// Readers of calls.
+    servers: BTreeSet<GUID>,
+    prompt: Option<Prompt>,
 }
 
 impl Graph {
-    pub fn new(participant: &DomainParticipant, uplink: Arc<Uplink>, readers: Rc<ReplyReaders>) -> Self {
-        Self { participant: participant.clone(), records: Vec::new(), warned: BTreeSet::new(), uplink, readers }
+    /// Without a `prompt` some calls of Fast DDS take 3 s longer.
+    pub fn new(
+        participant: &DomainParticipant,
+        uplink: Arc<Uplink>,
+        readers: Rc<ReplyReaders>,
+        prompt: Option<Prompt>,
+    ) -> Self {
+        let (records, warned, servers) = (Vec::new(), BTreeSet::new(), BTreeSet::new());
+        Self { participant: participant.clone(), records, warned, uplink, readers, servers, prompt }
+    }
+
+    pub fn serve(&mut self, reader: GUID) {
+        self.servers.insert(reader);
     }
 
     pub fn add(&mut self, record: EndpointRecord) {
@@ -102,6 +117,12 @@ impl Graph {
                 if remote.prefix != own.prefix =>
             {
                 self.readers.matched(remote);
+                if let Some(prompt) = &self.prompt
+                    && self.servers.contains(&own)
+                    && remote.prefix.as_ref().starts_with(&VENDOR_FAST_DDS)
+                {
+                    prompt.ask(own, remote);
+                }
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
                     if remote.prefix.as_ref().starts_with(&VENDOR_FAST_DDS) {
                         record.fast_dds.store(true, Ordering::Relaxed);

@@ -26,6 +26,7 @@ mod loopback;
 mod obituary;
 mod outflow;
 mod process;
+mod prompt;
 pub mod qos;
 mod raw;
 mod services;

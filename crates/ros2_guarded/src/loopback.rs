@@ -1,21 +1,35 @@
-//! Sockets that hear the loopback only.
+//! Sockets that hear this machine only, and whose multicast does not leave it.
 //!
-//! RustDDS binds each of its sockets to every address of the machine and has no setting for it; `with_only_networks` only says
-//! where it joins multicast groups and what it tells others. So whatever another machine sent to those ports would be read.
-//! Bound to the device `lo` (SO_BINDTODEVICE, which needs no privilege on a socket that is bound to none), they never see it.
+//! Programs on this machine announce the addresses of its network cards, send their discovery to a multicast group through a card, and
+//! do not hear who uses the loopback device alone. So the participant uses all cards, as they do. The kernel delivers what comes from this machine itself over the
+//! loopback device, whatever card has the address, and marks multicast that it has returned. A socket filter lets
+//! only these two pass. Neither can be forged from outside, and neither depends on addresses, which change. Multicast with time to live 0 is returned to this machine and
+//! goes to no card, as long as a socket of the machine has joined the group there; RustDDS joins before it sends.
+//!
+//! RustDDS has no setting for either, and binds each of its sockets to every address.
 
 use std::fs;
 use std::io;
+use std::net::{Ipv4Addr, UdpSocket};
 
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};
+use socket2::{Domain, SockFilter, SockRef};
 
-/// Device of the loopback.
-const DEVICE: &[u8] = b"lo";
-
-/// Binds every internet socket of this process to the loopback device, and says how many there are.
+/// Keeps the sockets that RustDDS opens from now on to this machine, before it reads or sends anything.
 ///
 /// # Errors
-/// If the system lists no open files, or does not let a process at its own sockets or their device.
+/// If the system lists no open files, or does not let a process at its own sockets or their filter.
+pub(super) fn prepare() -> io::Result<()> {
+    let _trial = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
+    confine()?;
+    netdev::at_every_look(|| drop(confine()));
+    Ok(())
+}
+
+/// Keeps every internet socket of this process to this machine, and says how many there are.
+///
+/// # Errors
+/// As of [`prepare`].
 pub(super) fn confine() -> io::Result<usize> {
     let own = pidfd_open(getpid(), PidfdFlags::empty())?;
     let mut confined = 0;
@@ -27,33 +41,72 @@ pub(super) fn confine() -> io::Result<usize> {
         };
         // another number for the same socket, which safe code may have
         let socket = pidfd_getfd(&own, number, PidfdGetfdFlags::empty())?;
-        let socket = socket2::SockRef::from(&socket);
-        if matches!(socket.domain()?, socket2::Domain::IPV4 | socket2::Domain::IPV6) {
-            socket.bind_device(Some(DEVICE))?;
+        let socket = SockRef::from(&socket);
+        let domain = socket.domain()?;
+        if matches!(domain, Domain::IPV4 | Domain::IPV6) {
+            socket.attach_filter(&from_this_machine())?;
             confined += 1;
+        }
+        if domain == Domain::IPV4 {
+            socket.set_multicast_ttl_v4(0)?;
         }
     }
     Ok(confined)
 }
 
+/// Instructions of a socket filter (linux/filter.h): a datagram passes if it comes over the loopback device or is multicast that
+/// the kernel has returned.
+fn from_this_machine() -> [SockFilter; 6] {
+    const LOAD: u16 = 0x20;
+    const JUMP_IF_EQUAL: u16 = 0x15;
+    const RETURN: u16 = 0x06;
+    /// Below it lie places that are of the datagram's way, not of its bytes: SKF_AD_OFF, -0x1000.
+    const WAY: u32 = 0xffff_f000;
+    /// SKF_AD_PKTTYPE, and PACKET_LOOPBACK of linux/if_packet.h.
+    const KIND: (u32, u32) = (WAY + 4, 5);
+    /// SKF_AD_HATYPE, and ARPHRD_LOOPBACK of linux/if_arp.h.
+    const DEVICE: (u32, u32) = (WAY + 28, 772);
+    [
+        SockFilter::new(LOAD, 0, 0, DEVICE.0),
+        SockFilter::new(JUMP_IF_EQUAL, 2, 0, DEVICE.1),
+        SockFilter::new(LOAD, 0, 0, KIND.0),
+        SockFilter::new(JUMP_IF_EQUAL, 0, 1, KIND.1),
+        SockFilter::new(RETURN, 0, 0, u32::MAX),
+        SockFilter::new(RETURN, 0, 0, 0),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use std::net::UdpSocket;
+    use std::net::IpAddr;
     use std::time::Duration;
 
     use super::*;
 
-    /// Every socket of this test's process, so it stands alone in it.
+    /// Every socket of this test's process, so it stands alone in it. That other machines are not heard is seen by the product's test
+    /// with two hosts.
     #[test]
-    fn a_socket_on_all_addresses_hears_the_loopback_only() {
+    fn a_socket_on_all_addresses_hears_every_address_of_this_machine_and_its_multicast() {
+        const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
+        let cards: Vec<_> = netdev::get_interfaces().into_iter().filter(|i| i.ipv4.is_some()).collect();
         let ear = UdpSocket::bind("0.0.0.0:0").unwrap();
         ear.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
-        assert!(confine().unwrap() >= 1);
-        assert_eq!(socket2::SockRef::from(&ear).device().unwrap().as_deref(), Some(DEVICE));
+        let mouth = UdpSocket::bind("0.0.0.0:0").unwrap();
+        assert!(confine().unwrap() >= 2);
         let port = ear.local_addr().unwrap().port();
-        UdpSocket::bind("127.0.0.1:0").unwrap().send_to(b"here", ("127.0.0.1", port)).unwrap();
         let mut heard = [0; 8];
-        assert_eq!(ear.recv(&mut heard).unwrap(), 4);
+        for card in &cards {
+            let address = card.ipv4.unwrap().addr();
+            mouth.send_to(b"here", (address, port)).unwrap();
+            assert_eq!(ear.recv(&mut heard).unwrap(), 4, "{address}");
+            if card.is_multicast() {
+                ear.join_multicast_v4(&GROUP, &address).unwrap();
+                SockRef::from(&mouth).set_multicast_if_v4(&address).unwrap();
+                mouth.send_to(b"group", (IpAddr::V4(GROUP), port)).unwrap();
+                assert_eq!(ear.recv(&mut heard).unwrap(), 5, "multicast through {address}");
+            }
+        }
+        assert_eq!(mouth.multicast_ttl_v4().unwrap(), 0);
     }
 }

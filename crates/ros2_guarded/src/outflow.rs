@@ -123,7 +123,7 @@ fn pause_behind(bytes: usize) -> Duration {
 
 fn advice(topic: &str, bytes: usize) -> String {
     format!(
-        "`{topic}`: a reader on Fast DDS, whose default receive buffer loses most messages of {bytes} bytes from another machine; if it misses \
+        "`{topic}`: a reader on Fast DDS, whose default receive buffer may be too small for messages of {bytes} bytes from another machine; if it misses \
          some, start it there with FASTDDS_DEFAULT_PROFILES_FILE naming share/needle_twin/fast_dds.xml (launch-scripts/fast_dds.xml)"
     )
 }

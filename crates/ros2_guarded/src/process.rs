@@ -26,6 +26,7 @@ use super::graph::{EndpointRecord, Graph};
 use super::loopback;
 use super::obituary;
 use super::outflow::{Writer, publish_all};
+use super::prompt::Prompt;
 use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
@@ -66,6 +67,7 @@ fn run() -> Result<(), String> {
         }
     };
     limit(plan.memory_bytes).map_err(|e| e.to_string())?;
+    spawn("node's end", outlive_the_node_briefly).map_err(|e| e.to_string())?;
     let (voice, lines) = Voice::listen(plan.verbosity);
     let uplink = Arc::new(Uplink::new(socket.try_clone().map_err(|e| e.to_string())?));
     if let Some(session) = &plan.zenoh {
@@ -82,17 +84,26 @@ fn run() -> Result<(), String> {
     }
 }
 
-/// A limit on what the process may take, no core of its memory on the disk, and an end with the node's.
+/// Ends the process a second or two after the node, if it does not leave the network by itself when the socket ends: it may be stuck.
+/// The kernel could kill it with the node at once (PR_SET_PDEATHSIG), but then peers would list it until its lease of 50 s ends.
+fn outlive_the_node_briefly() {
+    let node = rustix::process::getppid();
+    while rustix::process::getppid() == node {
+        std::thread::sleep(Duration::from_secs(1));
+    }
+    std::thread::sleep(Duration::from_secs(1));
+    std::process::exit(1);
+}
+
+/// A limit on what the process may take, and no core of its memory on the disk.
 #[cfg(target_os = "linux")]
 fn limit(bytes: u64) -> io::Result<()> {
-    use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
+    use rustix::process::{Resource, Rlimit, setrlimit};
     // What `ps` calls it, else `exe`: it is not worth an error.
     let _ = std::fs::write("/proc/self/comm", "middleware");
     let to = |limit| Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::Core, to(0))?;
     setrlimit(Resource::Data, to(bytes))?;
-    // If the node has died before this, the end of the socket tells.
-    set_parent_process_death_signal(Some(Signal::KILL))?;
     Ok(())
 }
 
@@ -118,16 +129,16 @@ struct Domain {
 impl Domain {
     fn join(plan: &Plan, uplink: &Arc<Uplink>) -> Result<Self, String> {
         let mut builder = DomainParticipantBuilder::new(plan.domain);
-        if plan.localhost {
+        if plan.localhost
+            && let Err(error) = loopback::prepare()
+        {
             builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
+            say_open(&error, uplink);
         }
         let what = |e: &dyn std::fmt::Display| format!("joining domain {}: {e}", plan.domain);
         let participant = builder.build().map_err(|e| what(&e))?;
         let ear = ear(plan.domain, participant.participant_id());
         let context = Context::from_domain_participant(participant).map_err(|e| what(&e))?;
-        if plan.localhost {
-            confine_to_loopback(uplink);
-        }
         let full = format!("{}/{}", plan.namespace.trim_end_matches('/'), plan.node);
         let of_node = |e: &dyn std::fmt::Display| format!("{full}: {e}");
         let name = NodeName::new(&plan.namespace, &plan.node).map_err(|e| of_node(&e))?;
@@ -141,7 +152,12 @@ impl Domain {
             subscriptions: Vec::new(),
             servers: Vec::new(),
             clients: Vec::new(),
-            graph: Graph::new(&context.domain_participant(), Arc::clone(uplink), Rc::clone(&readers)),
+            graph: Graph::new(
+                &context.domain_participant(),
+                Arc::clone(uplink),
+                Rc::clone(&readers),
+                Prompt::new(ear.port()).ok(),
+            ),
             readers,
             ear,
             hears: plan.hears,
@@ -189,7 +205,9 @@ impl Domain {
             }
             Role::Server => {
                 let names = [&endpoint.name, &endpoint.package, &endpoint.type_name].map(String::as_str);
-                self.servers.push(Served::new(number, &self.context, node, names, &profile)?);
+                let served = Served::new(number, &self.context, node, names, &profile)?;
+                self.graph.serve(served.reader());
+                self.servers.push(served);
             }
             Role::Client { cyclone } => {
                 let type_name = ServiceTypeName::new(&endpoint.package, &endpoint.type_name);
@@ -262,17 +280,15 @@ impl Domain {
     }
 }
 
-/// Leaves no socket open to other machines, or says so.
-fn confine_to_loopback(uplink: &Uplink) {
-    if let Err(error) = loopback::confine() {
-        uplink.log(
-            log::Level::Warn,
-            &format!(
-                "sockets can't be bound to the loopback device ({error}): packets that others send to this machine's RTPS ports \
-                 are read; keep them out with a firewall"
-            ),
-        );
-    }
+/// Says that sockets can't be kept to this machine.
+fn say_open(error: &io::Error, uplink: &Uplink) {
+    uplink.log(
+        log::Level::Warn,
+        &format!(
+            "sockets can't be kept to this machine ({error}): nodes that use a network card do not find this one, and packets that \
+             other machines send to this machine's RTPS ports are read; keep them out with a firewall"
+        ),
+    );
 }
 
 /// Where RustDDS listens for the participant's messages (RTPS: 7400 + 250 domain + 11 + 2 participant).

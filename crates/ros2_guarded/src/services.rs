@@ -69,6 +69,11 @@ impl Served {
         Ok(Self { number, replies, calls, answers })
     }
 
+    /// The reader of the calls.
+    pub fn reader(&self) -> GUID {
+        self.calls.guid()
+    }
+
     /// Sends an answer; its caller's identity goes beside it unless the payload has it.
     fn answer(&self, id: RmwRequestId, in_payload: bool, answer: RawCdr) -> bool {
         let beside = (!in_payload).then(|| SampleIdentity::from(id));

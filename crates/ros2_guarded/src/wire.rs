@@ -202,7 +202,7 @@ impl Head {
 pub struct Plan {
     /// DDS domain, `ROS_DOMAIN_ID`.
     pub domain: u16,
-    /// Only over the loopback.
+    /// For programs on this machine only.
     pub localhost: bool,
     /// `/or1`, or `/`.
     pub namespace: String,

@@ -1,6 +1,6 @@
 //! Environment variables of a ROS 2 program. The crate reads environment variables only here.
 //!
-//! By default the programs use the loopback only, since DDS has no authentication.
+//! By default the programs are for this machine only, since DDS has no authentication.
 //! `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
 
 use std::path::PathBuf;

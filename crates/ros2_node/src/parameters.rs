@@ -86,7 +86,7 @@ impl Declaration {
         self
     }
 
-    /// The value converted to this parameter's type (an integer is accepted as a double).
+    /// The value converted to this parameter's type (an integer, or a number as text, is accepted as a double).
     ///
     /// # Errors
     /// What would be valid, in words.
@@ -96,10 +96,12 @@ impl Declaration {
         let value = match (&self.default, value) {
             (P::Double(_), P::Integer(v)) => P::Double(*v as f64),
             (P::DoubleArray(_), P::IntegerArray(v)) => P::DoubleArray(v.iter().map(|v| *v as f64).collect()),
-            (P::StringArray(_), P::StringArray(v)) => P::StringArray(v.clone()),
-            (default, P::StringArray(v)) if v.is_empty() && is_array(default) => default_empty(default),
+            // An empty list has no type in YAML.
+            (default, given) if is_array(default) && is_empty(given) => default_empty(default),
             // `-p bag:=2024` is meant as a name.
             (P::String(_), P::Integer(v)) => P::String(v.to_string()),
+            // `ros2 param` takes 1e-5 for text: its YAML wants a point.
+            (P::Double(_), P::String(v)) if v.parse::<f64>().is_ok() => P::Double(v.parse().unwrap_or(f64::NAN)),
             (default, value) if default.to_parameter_type() == value.to_parameter_type() => value.clone(),
             (default, value) => {
                 return Err(format!("is a {}, got {} ({})", word(default), word(value), show(value)));
@@ -141,6 +143,18 @@ impl Declaration {
 fn is_array(value: &ParameterValue) -> bool {
     use ParameterValue as P;
     matches!(value, P::ByteArray(_) | P::BooleanArray(_) | P::IntegerArray(_) | P::DoubleArray(_) | P::StringArray(_))
+}
+
+fn is_empty(value: &ParameterValue) -> bool {
+    use ParameterValue as P;
+    match value {
+        P::ByteArray(v) => v.is_empty(),
+        P::BooleanArray(v) => v.is_empty(),
+        P::IntegerArray(v) => v.is_empty(),
+        P::DoubleArray(v) => v.is_empty(),
+        P::StringArray(v) => v.is_empty(),
+        _ => false,
+    }
 }
 
 fn default_empty(value: &ParameterValue) -> ParameterValue {

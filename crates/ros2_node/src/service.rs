@@ -91,8 +91,8 @@ const LONGEST_ANSWER: usize = 1_000_000;
 /// in front of the identity in the metadata of fragmented messages. So other implementations of DDS reject these as
 /// malformed.
 const LONGEST_WHOLE: usize = 60_000;
-/// The same to another machine: an Ethernet packet minus the headers.
-const LONGEST_ON_A_CARD: usize = 1368;
+/// The same to another machine: a packet of 16 kB (`crates/netdev`) minus the headers.
+const LONGEST_TO_OTHERS: usize = 16_252;
 
 /// A service server.
 pub struct Service<Q, R> {
@@ -183,7 +183,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
-        } else if self.open && !whole && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_ON_A_CARD {
+        } else if self.open && !whole && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_TO_OTHERS {
             self.warn_of_fragments(bytes_sent);
         }
     }

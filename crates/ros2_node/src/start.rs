@@ -133,7 +133,7 @@ impl Start {
             _ if self.environment.zenoh.is_some() => {
                 "this machine over Zenoh, and by whoever its Zenoh router lets in: they can read, send poses, change parameters and stop the node"
             }
-            Reach::Localhost => "this machine's loopback (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network)",
+            Reach::Localhost => "this machine only (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network)",
             Reach::Subnet => {
                 "every network of this machine: whoever is on them can read, send poses, change parameters and stop the \
                  node, since DDS has no passwords here (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST closes it)"

@@ -20,6 +20,8 @@ type Listed<'a> = BTreeMap<&'a str, &'a TopicCount>;
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
+    /// Nothing is wrong; whoever reads the bag should know it.
+    Note,
     /// Works, but look at it.
     Warning,
     /// Data is lost; the rest can be used.
@@ -255,18 +257,14 @@ fn compare_topic(topic: &Topic, listed: &Listed<'_>, report: &mut CheckReport) {
 fn check_messages(bag: &BagReader, report: &mut CheckReport) {
     let mut counts = vec![0; bag.topics().len()];
     let mut problems: Vec<(u64, String)> = vec![(0, String::new()); bag.topics().len()];
-    let mut stamps: Vec<(Time, u64)> = vec![(Time::default(), 0); bag.topics().len()];
+    let mut courses = vec![Course::default(); bag.topics().len()];
     let mut messages = bag.messages();
     for message in &mut messages {
         report.messages += 1;
         counts[message.topic] += 1;
         match stamp(&bag.topics()[message.topic].type_name, &message.data) {
             Some(Err(e)) => problems[message.topic] = (problems[message.topic].0 + 1, e.to_string()),
-            Some(Ok(Some(stamp))) => {
-                let (latest, back) = &mut stamps[message.topic];
-                *back += u64::from(stamp < *latest);
-                *latest = stamp.max(*latest);
-            }
+            Some(Ok(Some(stamp))) => courses[message.topic].follow(stamp.nanos()),
             Some(Ok(None)) | None => {}
         }
     }
@@ -282,10 +280,57 @@ fn check_messages(bag: &BagReader, report: &mut CheckReport) {
         if *bad > 0 {
             report.error(format!("{name}: {bad} messages are no {type_name}: {reason}"));
         }
-        let back = stamps[number].1;
+        let back = courses[number].disordered();
         if back > 0 {
             report.add(Severity::Warning, format!("{name}: {back} messages are stamped earlier than one before them"));
         }
+    }
+    let of_a_loop = bag.topics().iter().zip(&courses).filter(|(_, course)| course.starts > 0);
+    let names: Vec<&str> = of_a_loop.clone().map(|(topic, _)| topic.name.as_str()).collect();
+    if let Some(starts) = of_a_loop.map(|(_, course)| course.starts).max() {
+        let times = if starts == 1 { "once" } else { &format!("{starts} times") };
+        report.add(
+            Severity::Note,
+            format!("time starts again {times}, as where a player loops or a simulator is reset: {}", names.join(", ")),
+        );
+    }
+}
+
+/// How the stamps of a topic run.
+#[derive(Clone, Debug, Default)]
+struct Course {
+    latest_ns: i64,
+    /// Messages in a row that are earlier than the latest, each later than the one before it; the stamp of the last.
+    early: (u64, i64),
+    disordered: u64,
+    /// How often time started again.
+    starts: u64,
+}
+
+impl Course {
+    /// Messages in a row from which on an earlier time is a new start, and how much earlier it is then, ns. Messages that have overtaken
+    /// others are fewer or nearer.
+    const NEW_START: (u64, i64) = (3, 100_000_000);
+
+    fn follow(&mut self, stamp_ns: i64) {
+        if stamp_ns >= self.latest_ns || stamp_ns < self.early.1 {
+            self.disordered += std::mem::take(&mut self.early).0;
+        }
+        if stamp_ns >= self.latest_ns {
+            self.latest_ns = stamp_ns;
+            return;
+        }
+        self.early = (self.early.0 + 1, stamp_ns);
+        let (messages, nanos) = Self::NEW_START;
+        if self.early.0 >= messages && self.latest_ns - stamp_ns > nanos {
+            self.starts += 1;
+            (self.latest_ns, self.early) = (stamp_ns, (0, 0));
+        }
+    }
+
+    /// Messages that are stamped earlier than one before them, and are no new start.
+    fn disordered(&self) -> u64 {
+        self.disordered + self.early.0
     }
 }
 

@@ -1,4 +1,4 @@
-//! `needle_twin demo`: rig and twin as two ROS 2 nodes on this machine's loopback, and a third program that listens; then layered tissue.
+//! `needle_twin demo`: rig and twin as two ROS 2 nodes on this machine, and a third program that listens; then layered tissue.
 
 mod assemble;
 mod live;
@@ -38,7 +38,7 @@ const TAIL: Duration = Duration::from_millis(500);
 /// Between two looks at what has come.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Start rig and twin as two ROS 2 nodes on the loopback, play the embedded needle recording through them, show
+/// Start rig and twin as two ROS 2 nodes on this machine, play the embedded needle recording through them, show
 /// predicted against measured force, record what was published and write the report; then take a needle through layered tissue
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -123,7 +123,7 @@ impl<'a> Stage<'a> {
         let duration = recording.depths.last().map_or(0.0, |d| d.time_s);
         let mut live = Live::new(1.1 * peak, Duration::from_secs_f64(duration));
         live.say(&format!(
-            "two ROS 2 nodes on the loopback, to be seen at http://127.0.0.1:{}/ and heard with: ROS_DOMAIN_ID={} ros2 topic list",
+            "two ROS 2 nodes on this machine, to be seen at http://127.0.0.1:{}/ and heard with: ROS_DOMAIN_ID={} ros2 topic list",
             self.page_port, self.domain
         ));
         let result = self.exchange(&mut live);

@@ -209,7 +209,7 @@ fn answered(
     let late = (answer.done - answer.received).as_secs_f64() > timeout;
     let withheld = {
         let mut live = shared.lock();
-        notice_gap(&mut live, answer, timeout);
+        notice_gap(&mut live, answer, timeout, shared.clock.is_simulated());
         live.under_way = None;
         live.answer(answer);
         // After a divergence nothing is published until the reset; an inactive node publishes nothing.
@@ -324,7 +324,8 @@ fn under_way(shared: &Shared, progress: Option<Progress>) {
 }
 
 /// Reports the part of the instrument's motion that was not observed: before the first pose, and while no poses came.
-fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
+#[allow(clippy::cast_precision_loss)] // a duration
+fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64, simulated: bool) {
     let depth_m = answer.prediction.depth_m;
     let Some(last) = live.last else {
         if depth_m > SEEN_FROM_M {
@@ -339,9 +340,13 @@ fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
     if depth_m <= 0.0 {
         live.first_seen_m = None;
     }
-    // the time of the motion to a distant pose is no gap
-    let came = live.under_way.map_or(answer.received, |progress| progress.since);
-    let gap_s = came.saturating_duration_since(last.received).as_secs_f64();
+    let gap_s = match live.under_way {
+        // the time of the motion to a distant pose is no gap
+        Some(progress) => progress.since.saturating_duration_since(last.received).as_secs_f64(),
+        // while simulated time stands still, no pose is missing
+        None if simulated => (answer.stamp.nanos() - last.stamp.nanos()) as f64 * 1e-9,
+        None => answer.received.saturating_duration_since(last.received).as_secs_f64(),
+    };
     if gap_s > timeout_s {
         let from_m = last.prediction.depth_m;
         live.gaps.count += 1;

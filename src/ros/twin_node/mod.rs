@@ -64,7 +64,7 @@ use self::supervisor::Supervisor;
 use self::tissue::TissueOutputs;
 use super::scene_parameters;
 use needle_core::scene::Scene;
-use needle_estimate::compare::ensemble::{self, Member, Size};
+use needle_estimate::compare::ensemble::{self, EnsembleError, Member, Size};
 use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, join_before, spawn};
@@ -324,7 +324,17 @@ fn draw(scene: &Scene, members: i64) -> Result<Vec<Member>, NodeError> {
     }
     let drawn = ensemble::members(scene, Size { members, seed: 0 });
     let drawn = drawn.and_then(|drawn| ensemble::check_live(&drawn).map(|()| drawn));
-    drawn.map_err(|error| NodeError::Other(format!("parameter members: {error}")))
+    drawn.map_err(|error| {
+        NodeError::Other(match error {
+            // the command line's own advice is an option that a node does not have
+            EnsembleError::NoUncertainty { scene, key, mean, deviation } => format!(
+                "parameter members: scene {scene} says of no key how uncertain it is. Write it into a file (needle_twin scene show {scene} > \
+                 own.toml), add a section [uncertainty] with \"{key}\" = {{ normal = [{mean}, {deviation}] }} (mean and standard deviation; \
+                 lognormal and uniform are there too), and start the node with -p scene:=own.toml"
+            ),
+            error => format!("parameter members: {error}"),
+        })
+    })
 }
 
 fn set_threads(threads: i64) -> Result<(), NodeError> {

@@ -272,9 +272,9 @@ pub(super) fn waiting(
         return Some(format!("simulated time stands still: waiting for {}", describe(time)));
     }
     let silent = live.last_pose.is_none_or(|at| at.wall.elapsed().as_secs_f64() > 5.0);
-    // A peer that uses a network interface is not received, even on this machine: the most likely cause.
+    // A peer on another machine is not received: the most likely cause.
     let deaf = reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0;
-    let hint = "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network";
+    let hint = "; this node hears this machine only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network";
     (silent && since.elapsed().as_secs_f64() > 1.0).then(|| {
         format!("waiting for a pose on {} or {}{}", describe(joint), describe(pose), if deaf { hint } else { "" })
     })

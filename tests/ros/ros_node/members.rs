@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::live_page::{address, until, view};
-use crate::ros::{COARSE, Peer, Program, TWIN, free_domain, joint_state};
+use crate::ros::{COARSE, Peer, Program, TWIN, coarse_twin, free_domain, joint_state};
 use serde_json::{Value, json};
 
 const UNCERTAIN: &str = "\n[[targets]]\nname = \"lesion\"\nposition_m = [0.0, 0.0, 0.012]\n\n[[targets]]\nname = \"vessel\"\n\
@@ -116,6 +116,14 @@ fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
     assert!((mean / measured - 1.0).abs() < 0.01, "{mean} N for {measured} N: {learnt}");
     assert!(deviation < 0.3 * prior && number(&learnt["error_n"]) > 0.0, "{deviation} {prior}: {learnt}");
     assert_eq!(node.stop("INT").0, Some(0));
+}
+
+#[test]
+fn a_scene_without_priors_is_refused_with_a_remedy_that_a_node_has() {
+    let (code, log) = coarse_twin(free_domain(), &["-p", "members:=8"], &[]).ended();
+    assert_ne!(code, Some(0));
+    assert!(log.contains("add a section [uncertainty]") && log.contains("-p scene:=own.toml"), "{log}");
+    assert!(!log.contains("--set"), "an option that a node does not have: {log}");
 }
 
 #[test]

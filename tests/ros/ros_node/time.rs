@@ -45,6 +45,8 @@ fn pauses_pause_and_a_jump_back_resets() {
     std::thread::sleep(std::time::Duration::from_millis(700));
     let paused = status(&mut peer);
     assert_eq!((&paused["health"], &paused["prediction_valid"]), (&json!(0), &json!(true)), "{paused}");
+    tick(&mut peer, 1000, 10_000_000);
+    assert_eq!(pose(&mut peer, 1000, 10_000_005)["nanosec"], 10_000_005, "the pause is over");
     // Time goes on, poses don't.
     tick(&mut peer, 1002, 0);
     let lost = status(&mut peer);
@@ -58,6 +60,7 @@ fn pauses_pause_and_a_jump_back_resets() {
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(0));
     assert_eq!(log.matches("input lost").count(), 1, "not while time stood still: {log}");
+    assert_eq!(log.matches("unseen").count(), 1, "a pause is no gap: {log}");
     assert!(log.contains("time went back by 992.000 s") && log.contains("poses come again"), "{log}");
 }
 
