@@ -3,9 +3,10 @@
 #
 #   docker build -t needle_twin .
 #   docker run --rm --user "$(id -u)" -v "$PWD/out:/out" needle_twin solve --scene needle_insertion --out /out/solve
-#   docker run --rm --network host --entrypoint twin_node needle_twin --ros-args -p page:=true
+#   docker run --rm --network host --cap-add SYS_PTRACE --entrypoint twin_node needle_twin --ros-args -p page:=true
 #
-# --network host: the nodes speak to the loopback, and that of a container is its own.
+# --network host: the nodes are for one machine, and a container with a network of its own is another.
+# SYS_PTRACE: the nodes keep their sockets to the machine by pidfd_getfd, which Docker permits with this capability only.
 
 FROM rust:1.89-slim-bookworm AS build
 WORKDIR /src

@@ -285,8 +285,9 @@ fn say_open(error: &io::Error, uplink: &Uplink) {
     uplink.log(
         log::Level::Warn,
         &format!(
-            "sockets can't be kept to this machine ({error}): nodes that use a network card do not find this one, and packets that \
-             other machines send to this machine's RTPS ports are read; keep them out with a firewall"
+            "sockets can't be kept to this machine ({error}; a container needs the capability SYS_PTRACE for it): programs that use a \
+             network card do not find this node, and packets that other machines send to this machine's RTPS ports are read; keep \
+             them out with a firewall"
         ),
     );
 }
