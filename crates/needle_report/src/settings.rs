@@ -1,6 +1,7 @@
 //! The scene's settings for readers: words, and numbers with units.
 
 use super::svg::escaped;
+use needle_core::scene::{Scene, Word as _};
 use std::fmt::Write as _;
 
 /// Key suffixes that name a unit; a suffix that contains another one at its end comes first.
@@ -22,11 +23,19 @@ const UNITS: [(&str, &str); 12] = [
 /// HTML of the settings, one group per table of the scene; empty if the text is not valid TOML.
 pub(super) fn settings_html(scene_toml: &str) -> String {
     let Ok(scene) = scene_toml.parse::<toml::Table>() else { return String::new() };
+    let model = Scene::from_toml(scene_toml, "the run's scene").ok();
     let mut html = String::new();
     let own: toml::Table = scene.iter().filter(|(_, v)| !nested(v)).map(|(k, v)| (k.clone(), v.clone())).collect();
     group(&mut html, "scene", &own);
     for (name, value) in &scene {
         match value {
+            toml::Value::Table(table) if name == "discretisation" => {
+                group(
+                    &mut html,
+                    name,
+                    &model.as_ref().map_or_else(|| table.clone(), |model| with_chosen(table, model)),
+                );
+            }
             toml::Value::Table(table) => group(&mut html, name, table),
             toml::Value::Array(items) if nested(value) => {
                 for (i, item) in items.iter().filter_map(toml::Value::as_table).enumerate() {
@@ -37,6 +46,33 @@ pub(super) fn settings_html(scene_toml: &str) -> String {
         }
     }
     html
+}
+
+/// A scene's discretisation with what the program chose in place of `auto` and 0.
+fn with_chosen(table: &toml::Table, scene: &Scene) -> toml::Table {
+    let grading = scene.grading();
+    let digits = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
+    let number = |value: Option<f64>| value.map(|value| text(&toml::Value::Float(digits(value))));
+    let chosen = |key: &str| match key {
+        "spacing_m" => number(grading.map(|g| g.spacing.get())),
+        "edge_refinement" => number(grading.map(|g| g.edge_refinement)),
+        "growth" => number(grading.map(|g| g.growth)),
+        "support_factor" => number(Some(scene.support_factor())),
+        "cells_per_point" => Some(scene.cells_per_point().to_string()),
+        "dimension" => Some(scene.dimension().dimension.as_str().to_owned()),
+        "integration" => {
+            let consistent = scene.is_consistent_in(scene.dimension().dimension);
+            Some(if consistent { "consistent" } else { "plain" }.to_owned())
+        }
+        _ => None,
+    };
+    let left_open =
+        |value: &toml::Value| value.as_str() == Some("auto") || ["0", "0.0"].contains(&value.to_string().as_str());
+    let shown = |(key, value): (&String, &toml::Value)| {
+        let own = if left_open(value) { chosen(key) } else { None };
+        (key.clone(), own.map_or_else(|| value.clone(), |own| toml::Value::String(format!("auto: {own}"))))
+    };
+    table.iter().map(shown).collect()
 }
 
 fn nested(value: &toml::Value) -> bool {
@@ -73,5 +109,20 @@ fn text(value: &toml::Value) -> String {
         // 1e-6 instead of 0.000001; 970 instead of 970.0.
         toml::Value::Float(number) => format!("{number:?}").trim_end_matches(".0").to_owned(),
         other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_scene_leaves_to_the_program_is_shown_with_what_it_chose() {
+        let scene = Scene::preset("needle_insertion").unwrap().to_toml();
+        let html = settings_html(&scene);
+        for shown in ["<dd>auto: 0.00233 m</dd>", "<dd>auto: axisymmetric </dd>", "<dd>auto: 1.8 </dd>"] {
+            assert!(html.contains(shown), "{shown}: {html}");
+        }
     }
 }
