@@ -191,13 +191,13 @@ impl Hazard {
     }
 
     /// Longest false yes, s. A position that stood still in the middle of a step of its sensor before the insertion is not told from a needle at
-    /// rest by its noise: where the twin alone hears it frozen, the guard that hears the needle has to act.
+    /// rest by its noise: then the guard has to act, that knows where it sent the needle.
     fn longest_s(self) -> f64 {
-        if matches!(self, Self::Message(Stream::PoseOfTwin, Fault::Frozen)) {
+        if matches!(self, Self::Message(Stream::Pose | Stream::PoseOfTwin, Fault::Frozen)) {
             f64::INFINITY
         } else if self == Self::Hung(Process::Twin, HOUSEKEEPING) {
             LONGEST_UNWATCHED_S
-        } else if matches!(self, Self::Message(Stream::Pose | Stream::Force, Fault::Frozen)) {
+        } else if self == Self::Message(Stream::Force, Fault::Frozen) {
             LONGEST_FROZEN_S
         } else {
             LONGEST_S
