@@ -80,13 +80,22 @@ impl Adapter<'_> {
     /// [`Refusal`].
     pub fn depth(&self, message: &JointState) -> Result<f64, Refusal> {
         let wanted = || self.joint.to_owned();
-        let index = match message.name.iter().position(|name| name == self.joint) {
-            Some(index) => index,
-            None if message.name.is_empty() && message.position.len() == 1 => 0,
-            None => return Err(Refusal::NoSuchJoint { wanted: wanted(), found: message.name.clone() }),
-        };
+        let none = || Refusal::NoSuchJoint { wanted: wanted(), found: message.name.clone() };
+        let index = self.index(message).ok_or_else(none)?;
         let depth_m = *message.position.get(index).ok_or_else(|| Refusal::NoPosition { wanted: wanted() })?;
         if depth_m.is_finite() { Ok(depth_m) } else { Err(Refusal::Depth { depth_m }) }
+    }
+
+    /// Velocity of the joint, m/s: 0 if the message has none.
+    #[must_use]
+    pub fn velocity(&self, message: &JointState) -> f64 {
+        let velocity = self.index(message).and_then(|index| message.velocity.get(index)).copied();
+        velocity.filter(|v| v.is_finite()).unwrap_or_default()
+    }
+
+    fn index(&self, message: &JointState) -> Option<usize> {
+        let alone = message.name.is_empty() && message.position.len() == 1;
+        message.name.iter().position(|name| name == self.joint).or_else(|| alone.then_some(0))
     }
 
     /// Pose of the tip in the sample's frame.

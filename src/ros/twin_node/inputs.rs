@@ -131,6 +131,8 @@ struct Intake<'a> {
     /// Stamp of the first pose of the present run, and the state of the frozen-sensor detector.
     first_stamp: Option<i64>,
     frozen: Frozen,
+    /// That came with the newest pose, m/s.
+    velocity_m_per_s: f64,
     /// Poses with stamps long before the last one: late ones, or the first of a restarted time.
     stretch: Stretch,
     /// The source of poses; other topics or publishers are ignored until it is silent.
@@ -151,6 +153,7 @@ impl<'a> Intake<'a> {
             last_stamp: None,
             first_stamp: None,
             frozen: Frozen::default(),
+            velocity_m_per_s: 0.0,
             stretch: Stretch::default(),
             poses: Followed::default(),
             cells: Followed::default(),
@@ -173,8 +176,8 @@ impl<'a> Intake<'a> {
     fn joint_state(&mut self, message: &JointState, origin: Origin) {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
-        let taken = adapter.depth(message).map(Where::Depth);
-        self.offer("measured_js", origin, message.header.stamp, taken);
+        let (taken, velocity) = (adapter.depth(message).map(Where::Depth), adapter.velocity(message));
+        self.offer("measured_js", origin, message.header.stamp, taken, velocity);
     }
 
     /// A load cell may use another frame name; then the user must ensure that its axes are parallel to those of the
@@ -193,13 +196,21 @@ impl<'a> Intake<'a> {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
         let taken = adapter.pose(message).map(Where::Pose);
-        self.offer("measured_cp", origin, message.header.stamp, taken);
+        self.offer("measured_cp", origin, message.header.stamp, taken, 0.0);
     }
 
-    fn offer(&mut self, topic: &'static str, origin: Origin, stamp: Time, taken: Result<Where, Refusal>) {
+    /// `velocity`: that came with it, m/s; 0 if none did.
+    fn offer(
+        &mut self,
+        topic: &'static str,
+        origin: Origin,
+        stamp: Time,
+        taken: Result<Where, Refusal>,
+        velocity: f64,
+    ) {
         let source = Source { topic, publisher: origin.publisher };
         match taken {
-            Ok(place) => self.accept(source, origin.received, stamp, place),
+            Ok(place) => self.accept(source, origin.received, stamp, place, velocity),
             // Joints of other machines on the same topic are no loss while the needle's joint is received.
             Err(Refusal::NoSuchJoint { .. }) if self.poses.source().is_some_and(|followed| followed != source) => {}
             Err(refusal) => self.reject(Reject::from(&refusal), || format!("{topic}: {refusal}")),
@@ -249,7 +260,7 @@ impl<'a> Intake<'a> {
     }
 
     #[allow(clippy::cast_precision_loss)] // an age for a log line
-    fn accept(&mut self, source: Source, received: Instant, stamp: Time, place: Where) {
+    fn accept(&mut self, source: Source, received: Instant, stamp: Time, place: Where, velocity: f64) {
         if !self.shared.is_active() {
             return;
         }
@@ -257,6 +268,7 @@ impl<'a> Intake<'a> {
         if !self.owns(source) {
             return;
         }
+        self.velocity_m_per_s = velocity;
         let nanos = self.stamp(source.topic, stamp);
         let now = self.shared.clock.now_nanos();
         let age_s = now.map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
@@ -315,10 +327,11 @@ impl<'a> Intake<'a> {
             Where::Pose(pose) => (pose.tip, "measured_cp"),
         };
         let begun = *self.first_stamp.get_or_insert(nanos);
-        self.frozen.place(Duration::from_nanos(nanos.abs_diff(begun)), place_m);
+        self.frozen.place(Duration::from_nanos(nanos.abs_diff(begun)), place_m, self.velocity_m_per_s);
         if self.frozen.is_suspected() {
             self.doubt(Doubt::Frozen(topic), || {
-                "does not change, though its sensor scatters: is the cable connected?".to_owned()
+                "does not change, though its sensor scatters or its velocity is not zero: is the cable connected?"
+                    .to_owned()
             });
         }
         self.last_stamp = Some(nanos);

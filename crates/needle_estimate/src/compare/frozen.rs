@@ -11,6 +11,10 @@
 //!   After `SUSPECTED` this is a suspicion, which is reason enough to stop. After `FOUND` it is a detection, and
 //!   readings are left out.
 //!
+//! - **Velocity** (positions). The velocity in the message says that the needle has moved by more than the sensor's
+//!   resolution, and the position has not. This finds a position that noise does not: one that stood still in the
+//!   middle of a step of its sensor before.
+//!
 //! A detection stands until a reading differs. It is not revoked when the prediction passes the value by chance.
 
 use std::time::Duration;
@@ -36,6 +40,11 @@ const MOVES_OF_PEAK: f64 = 0.05;
 /// ... and this many of the cell's smallest changes.
 const MOVES_OF_STEP: f64 = 3.0;
 
+/// By its velocity a needle has moved if that, over the last [`WINDOW_S`], makes more than this, m, and more than so many of
+/// the sensor's smallest changes. A velocity that scatters about zero does not add up.
+const MOVES_M: f64 = 5e-5;
+const WINDOW_S: f64 = 0.1;
+
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frozen {
@@ -48,16 +57,30 @@ pub struct Frozen {
     changes: u32,
     turns: u32,
     difference: [f64; 3],
-    /// Smallest change of a reading, N.
+    /// Smallest change of a reading, N, or of a position, m.
     step_n: f64,
+    /// Time of the last position, and displacement by its velocity while the position has stood still, m.
+    seen: Duration,
+    moved_m: f64,
     suspected: bool,
     found: bool,
 }
 
 impl Frozen {
-    /// Takes the position of a sensor at a time, m.
-    pub fn place(&mut self, time: Duration, place_m: [f64; 3]) {
+    /// Takes the position of a sensor at a time, m, and the velocity that came with it, m/s (0: none).
+    pub fn place(&mut self, time: Duration, place_m: [f64; 3], velocity_m_per_s: f64) {
         self.take(time, place_m, 0.0, 0.0, 0.0);
+        let dt_s = time.saturating_sub(self.seen).as_secs_f64();
+        self.seen = time;
+        if self.run == 1 {
+            self.moved_m = 0.0;
+            return;
+        }
+        self.moved_m = self.moved_m * (-dt_s / WINDOW_S).exp() + velocity_m_per_s * dt_s;
+        // the resolution is known once the position has changed
+        let moves = self.changes > 0 && self.moved_m.abs() > MOVES_M.max(MOVES_OF_STEP * self.step_n);
+        self.found |= moves;
+        self.suspected |= moves;
     }
 
     /// Takes a reading in N at a time, with the present prediction and the largest so far, N. `band_n`: tolerated
@@ -149,6 +172,35 @@ mod tests {
         // a cell with a resolution of 10 mN at a force of 15 mN
         let coarse = |i: usize| (i as f64 * 3e-5, (i as f64 * 3e-5 / 0.01).round() * 0.01);
         assert_eq!(found_s(100.0, |i| (coarse(i).1, coarse(i).0), 500), None);
+    }
+
+    /// A position in steps of a resolution, m, of a needle that goes 2 mm/s after a second at rest, and is frozen at 3 s; the time of
+    /// the detection after that, s.
+    fn found_by_velocity_s(step_m: f64, says: impl Fn(f64) -> f64) -> Option<f64> {
+        let mut frozen = Frozen::default();
+        (0..2500).find_map(|i| {
+            let time_s = i as f64 * 2e-3;
+            let depth_m = 0.4 * step_m + 2e-3 * (time_s.min(3.0) - 1.0).max(0.0);
+            let shown_m = (depth_m / step_m).round() * step_m;
+            frozen.place(Duration::from_secs_f64(time_s), [shown_m, 0.0, 0.0], says(time_s));
+            frozen.is_suspected().then_some(time_s - 3.0)
+        })
+    }
+
+    #[test]
+    fn a_position_that_does_not_go_where_its_velocity_says_is_found() {
+        let true_until_it_is_frozen = |t: f64| if t < 1.0 { 0.0 } else { 2e-3 };
+        for (step_m, most_s) in [(2e-6, 0.04), (1e-5, 0.04), (1e-4, 0.25)] {
+            let after_s = found_by_velocity_s(step_m, true_until_it_is_frozen);
+            // three of the coarsest steps are more than a tenth of a second makes at this speed
+            let expected = step_m < 5e-5;
+            assert_eq!(after_s.is_some_and(|s| s > 0.0 && s < most_s), expected, "{step_m} m: {after_s:?}");
+        }
+        // at rest, without a velocity, and with one that scatters by 1 mm/s
+        assert_eq!(found_by_velocity_s(2e-6, |_| 0.0), None);
+        let scatters =
+            |t: f64| if t < 1.0 || t > 3.0 { 4e-4 * (noise((t * 500.0) as usize) * 1e3 - 2.0) } else { 2e-3 };
+        assert_eq!(found_by_velocity_s(2e-6, scatters), None);
     }
 
     #[test]

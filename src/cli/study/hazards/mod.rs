@@ -38,7 +38,7 @@ const LASTS: Duration = Duration::from_millis(1500);
 /// How long a yes may be believed after its stamp, and so how long a false one may last, s: `guard_timeout_s`.
 const LONGEST_S: f64 = 0.025;
 
-/// A value that stands still can be told from one at rest by the sensor's noise alone, which takes a number of readings, s.
+/// A value that stands still is told from one at rest by the sensor's noise, which takes a number of readings, or by the velocity, s.
 const LONGEST_FROZEN_S: f64 = 0.2;
 
 /// What the housekeeping thread of the twin looks after is not evidence of a pose: the twin says no when it has not looked for half a second, s.
@@ -190,14 +190,11 @@ impl Hazard {
         }
     }
 
-    /// Longest false yes, s. A position that stood still in the middle of a step of its sensor before the insertion is not told from a needle at
-    /// rest by its noise: then the guard has to act, that knows where it sent the needle.
+    /// Longest false yes, s.
     fn longest_s(self) -> f64 {
-        if matches!(self, Self::Message(Stream::Pose | Stream::PoseOfTwin, Fault::Frozen)) {
-            f64::INFINITY
-        } else if self == Self::Hung(Process::Twin, HOUSEKEEPING) {
+        if self == Self::Hung(Process::Twin, HOUSEKEEPING) {
             LONGEST_UNWATCHED_S
-        } else if self == Self::Message(Stream::Force, Fault::Frozen) {
+        } else if matches!(self, Self::Message(Stream::Pose | Stream::PoseOfTwin | Stream::Force, Fault::Frozen)) {
             LONGEST_FROZEN_S
         } else {
             LONGEST_S
@@ -370,8 +367,7 @@ impl Seen {
         let twin = !hazard.concerns_twin()
             || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.later_yes().is_some()));
         // a needle without a guard that was killed stands for good, and so do all others until somebody says ~/resume
-        let stands_s = if hazard.longest_s().is_finite() { 1.0 } else { LONGEST_FROZEN_S + 0.1 };
-        twin && self.stood_s < stands_s && self.went_on_m < 1e-6
+        twin && self.stood_s < 1.0 && self.went_on_m < 1e-6
     }
 
     fn row(&self, hazard: Hazard) -> String {
