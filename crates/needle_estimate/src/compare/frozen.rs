@@ -199,7 +199,7 @@ mod tests {
         // at rest, without a velocity, and with one that scatters by 1 mm/s
         assert_eq!(found_by_velocity_s(2e-6, |_| 0.0), None);
         let scatters =
-            |t: f64| if t < 1.0 || t > 3.0 { 4e-4 * (noise((t * 500.0) as usize) * 1e3 - 2.0) } else { 2e-3 };
+            |t: f64| if !(1.0..=3.0).contains(&t) { 4e-4 * (noise((t * 500.0) as usize) * 1e3 - 2.0) } else { 2e-3 };
         assert_eq!(found_by_velocity_s(2e-6, scatters), None);
     }
 
