@@ -162,7 +162,7 @@ fn child_between_two_hosts() {
     let (_, heard, _) = cable.stop("TERM");
     assert!(heard.contains("listening") && !heard.contains(HERE), "{heard}");
 
-    // Another host finds and reaches nothing, even if it is told the address; everyone on this one does.
+    // Another host finds and reaches nothing, even with the address; everyone on this one does.
     let to_here = format!(r#"<Peers><Peer Address="{HERE}"/></Peers></Discovery>"#);
     let mut stranger = Command::new("nsenter");
     stranger.args(host.enter(&[]));

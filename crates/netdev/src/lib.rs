@@ -8,8 +8,8 @@
 //!
 //! So this crate stands in netdev's place (`[patch.crates-io]` of the workspace) and gives each IPv4 address alone, as a subnet of
 //! one address, with the MTU of the loopback. All other addresses are in a last subnet with an MTU of 16 kB: the kernel cuts a datagram
-//! into what the network carries, and the answer of a service in one piece reaches Fast DDS. It has what RustDDS calls and nothing else, is written anew, and can go when RustDDS asks for the route itself
-//! (`docs/lab/upstream/rustdds.md`, 8).
+//! into what the network carries, and the answer of a service in one piece reaches Fast DDS. It has what RustDDS calls and nothing else, is
+//! written anew, and can go when RustDDS asks for the route itself (`docs/lab/upstream/rustdds.md`, 8).
 #![forbid(unsafe_code)]
 
 use std::net::{Ipv4Addr, Ipv6Addr};

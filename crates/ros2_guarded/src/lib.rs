@@ -20,6 +20,7 @@ mod drops;
 mod frames;
 mod graph;
 mod health;
+pub mod hung;
 mod keeper;
 mod link;
 mod loopback;

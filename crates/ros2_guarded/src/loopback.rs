@@ -1,10 +1,11 @@
 //! Sockets that hear this machine only, and whose multicast does not leave it.
 //!
 //! Programs on this machine announce the addresses of its network cards, send their discovery to a multicast group through a card, and
-//! do not hear who uses the loopback device alone. So the participant uses all cards, as they do. The kernel delivers what comes from this machine itself over the
-//! loopback device, whatever card has the address, and marks multicast that it has returned. A socket filter lets
-//! only these two pass. Neither can be forged from outside, and neither depends on addresses, which change. Multicast with time to live 0 is returned to this machine and
-//! goes to no card, as long as a socket of the machine has joined the group there; RustDDS joins before it sends.
+//! do not hear who uses the loopback device alone. So the participant uses all cards, as they do. The kernel delivers what comes from
+//! this machine itself over the loopback device, whatever card has the address, and marks multicast that it has returned. A socket
+//! filter lets only these two pass. Neither can be forged from outside, and neither depends on addresses, which change. Multicast with
+//! time to live 0 is returned to this machine and goes to no card, as long as a socket of the machine has joined the group there;
+//! RustDDS joins before it sends.
 //!
 //! RustDDS has no setting for either, and binds each of its sockets to every address.
 

@@ -1,9 +1,9 @@
 //! Makes RustDDS ask a caller on Fast DDS at once for the call that came before the caller was known.
 //!
-//! Such a call is dropped. When RustDDS has matched the caller's writer it asks for nothing in particular (an ACKNACK with base 1 and an empty
-//! set), upon which Fast DDS starts its heartbeat's time of 3 s anew. A HEARTBEAT that says that the writer has its message 1 makes RustDDS ask for that
-//! message, and Fast DDS sends it. This process says so to its own port, in the writer's name; the writer's own count goes on
-//! from there (`docs/lab/upstream/rustdds.md`, 10).
+//! Such a call is dropped. When RustDDS has matched the caller's writer it asks for nothing in particular (an ACKNACK with base 1 and an
+//! empty set), upon which Fast DDS starts its heartbeat's time of 3 s anew. A HEARTBEAT that says that the writer has its message 1
+//! makes RustDDS ask for that message, and Fast DDS sends it. This process says so to its own port, in the writer's name; the writer's
+//! own count goes on from there (`docs/lab/upstream/rustdds.md`, 10).
 
 use std::io;
 use std::net::{Ipv4Addr, UdpSocket};

@@ -4,46 +4,8 @@
 use std::time::{Duration, Instant};
 
 use crate::ros::{connected_twin, free_domain};
+use ros2_guarded::hung::Hung;
 use serde_json::json;
-
-/// A thread that does not run until this is dropped.
-struct Held(libc::pid_t);
-
-impl Held {
-    fn hold(thread: libc::pid_t) -> Option<Self> {
-        // SAFETY: neither request takes memory; the status is ours.
-        unsafe {
-            let held = libc::ptrace(libc::PTRACE_SEIZE, thread, 0, 0) == 0
-                && libc::ptrace(libc::PTRACE_INTERRUPT, thread, 0, 0) == 0;
-            held.then(|| {
-                libc::waitpid(thread, std::ptr::null_mut(), libc::__WALL);
-                Self(thread)
-            })
-        }
-    }
-
-    /// Whether it has gone with its process.
-    fn has_ended(&self) -> bool {
-        let mut status = 0;
-        // SAFETY: the status is ours.
-        let changed = unsafe { libc::waitpid(self.0, &raw mut status, libc::__WALL | libc::WNOHANG) };
-        changed == -1 || (changed == self.0 && (libc::WIFEXITED(status) || libc::WIFSIGNALED(status)))
-    }
-}
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        // SAFETY: takes no memory; fails if the thread has gone.
-        unsafe { libc::ptrace(libc::PTRACE_DETACH, self.0, 0, 0) };
-    }
-}
-
-/// The thread of a process with this name.
-fn thread(process: u32, name: &str) -> libc::pid_t {
-    let tasks = std::fs::read_dir(format!("/proc/{process}/task")).unwrap();
-    let named = |t: &std::fs::DirEntry| std::fs::read_to_string(t.path().join("comm")).is_ok_and(|n| n.trim() == name);
-    tasks.flatten().find(named).unwrap().file_name().to_str().unwrap().parse().unwrap()
-}
 
 #[test]
 fn a_solver_that_hangs_is_said_stops_the_force_and_ends_the_node() {
@@ -54,10 +16,9 @@ fn a_solver_that_hangs_is_said_stops_the_force_and_ends_the_node() {
     let second = 1_000_000_000;
     let start = 1_700_000_000 * second;
     assert!(peer.steps(&[(start, 0.0), (start + second / 100, 1e-5)]).iter().all(Option::is_some));
-    let solver = thread(node.id(), "solver");
-    let Some(held) = Held::hold(solver) else {
-        eprintln!("not tried: this system lets nobody hold a thread ({})", std::io::Error::last_os_error());
-        return;
+    let held = match Hung::new(node.id(), "solver") {
+        Ok(held) => held,
+        Err(why) => return eprintln!("not tried: {why}"),
     };
     let begun = Instant::now();
     // It wakes up to this pose and never comes back; the poses go on.

@@ -28,11 +28,7 @@ pub(crate) fn conforms(
             Feature::Path { axis, capture_radius, length, .. } => {
                 path(domain, &axis, capture_radius, length, spacing.path_nodes(domain, f), points)?;
             }
-            Feature::Rim { .. }
-            | Feature::Region { .. }
-            | Feature::Patch { .. }
-            | Feature::Entry { .. }
-            | Feature::Station { .. } => {}
+            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::FinePath { .. } => {}
         }
     }
     Ok(())

@@ -135,11 +135,7 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
                     fit_to_top(domain, outline, fine, &mut nodes, first)?;
                 }
             }
-            Feature::Rim { .. }
-            | Feature::Region { .. }
-            | Feature::Patch { .. }
-            | Feature::Entry { .. }
-            | Feature::Station { .. } => {}
+            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::FinePath { .. } => {}
         }
     }
     interfaces::place_edges(domain, spacing, &mut nodes);
@@ -276,7 +272,7 @@ const CLOSEST_LAYER: f64 = 0.4;
 
 impl Spacing {
     /// Vertical depths of the layers of a path: equal steps between the places where its axis passes from one region to
-    /// another, or steps that grow from an [`Feature::Entry`] or a [`Feature::Station`] on.
+    /// another, or steps that grow from an [`Feature::FinePath`] on.
     pub(crate) fn layers(&self, domain: &Domain, axis: &Axis, length: f64, spacing: f64) -> Vec<f64> {
         let height = domain.height();
         let depth = length / axis.secant();

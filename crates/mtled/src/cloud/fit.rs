@@ -67,7 +67,7 @@ pub(crate) fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), Cloud
         }
         Feature::Rim { .. } | Feature::Region { .. } => Ok(()),
         Feature::Patch { radius, .. } => positive("contact radius", radius),
-        Feature::Entry { radius, growth, .. } | Feature::Station { radius, growth, .. } => {
+        Feature::FinePath { radius, growth, .. } => {
             positive("entry radius", radius)?;
             if growth > 0.0 && growth <= MAX_GROWTH {
                 return Ok(());

@@ -182,11 +182,7 @@ impl Plane<'_> {
                     inner = capture_radius;
                 }
                 Feature::ContactRing { radius, .. } => marks.push(radius),
-                Feature::Rim { .. }
-                | Feature::Region { .. }
-                | Feature::Patch { .. }
-                | Feature::Entry { .. }
-                | Feature::Station { .. } => {}
+                Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::FinePath { .. } => {}
             }
         }
         let (r, h) = (self.radius, self.height);

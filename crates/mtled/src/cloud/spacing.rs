@@ -57,30 +57,17 @@ pub enum Feature {
         /// Spacing along and across the path; half the capture radius resolves it.
         spacing: f64,
     },
-    /// Refines the upper part of a needle's path, its layers and rings, and the cloud beside it.
-    Entry {
+    /// Refines a stretch of a needle's path, its layers and rings, and the cloud round it: where the path enters, or where its tip presses.
+    FinePath {
         /// The path's axis.
         axis: Axis,
+        /// Where the stretch begins and ends, below the top face.
+        depths: [f64; 2],
         /// Radius of the cylinder about it within which the spacing depends on depth alone.
         radius: f64,
-        /// Spacing at the top face.
+        /// Spacing between these depths.
         spacing: f64,
-        /// Depth from which it grows.
-        depth: f64,
         /// Growth of the spacing per metre of depth from there.
-        growth: f64,
-    },
-    /// Refines a needle's path, its layers and rings, and the cloud beside it at a depth where its tip presses.
-    Station {
-        /// The path's axis.
-        axis: Axis,
-        /// Below the top face, m.
-        depth: f64,
-        /// Radius of the cylinder about it within which the spacing depends on depth alone.
-        radius: f64,
-        /// Spacing there.
-        spacing: f64,
-        /// Growth of the spacing per metre of depth, both ways.
         growth: f64,
     },
     /// A region of another material: nodes lie on its boundary, and no cell reaches across. Of several that hold a point the
@@ -101,8 +88,7 @@ impl Feature {
             | Feature::Rim { spacing, .. }
             | Feature::Path { spacing, .. }
             | Feature::Patch { spacing, .. }
-            | Feature::Entry { spacing, .. }
-            | Feature::Station { spacing, .. }
+            | Feature::FinePath { spacing, .. }
             | Feature::Region { spacing, .. } => spacing,
         }
     }
@@ -123,11 +109,8 @@ impl Feature {
                 let r = length2(p[0] - centre[0], p[1] - centre[1]);
                 length2((r - radius).max(0.0), height - p[2])
             }
-            Feature::Entry { axis, radius, depth, .. } => {
-                length2((axis.distance(height, p) - radius).max(0.0), (height - depth - p[2]).max(0.0))
-            }
-            Feature::Station { axis, depth, radius, .. } => {
-                length2((axis.distance(height, p) - radius).max(0.0), height - depth - p[2])
+            Feature::FinePath { axis, radius, depths, .. } => {
+                length2((axis.distance(height, p) - radius).max(0.0), outside(depths, height - p[2]))
             }
             Feature::Path { axis, capture_radius, length, .. } => {
                 let r = (axis.distance(height, p) - capture_radius).max(0.0);
@@ -165,11 +148,10 @@ impl Feature {
         match *self {
             Feature::ContactRing { radius, .. } => 2.0 * PI * radius * PI * s,
             Feature::Patch { radius, .. } => PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s,
-            Feature::Entry { radius, depth, .. } => {
+            Feature::FinePath { radius, depths: [from, to], .. } => {
                 let cap = PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s;
-                cap + 2.0 * PI * (radius + s) * depth
+                cap + 2.0 * PI * (radius + s) * (to - from)
             }
-            Feature::Station { radius, .. } => PI * radius * radius + PI * PI * radius * s + 4.0 * PI * s * s,
             Feature::Rim { .. } => {
                 let length = match *domain {
                     Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => 2.0 * PI * radius,
@@ -192,6 +174,11 @@ impl Feature {
     }
 }
 
+/// Distance of a depth from a stretch of depths, m.
+fn outside([from, to]: [f64; 2], depth: f64) -> f64 {
+    (depth - to).max(from - depth).max(0.0)
+}
+
 /// The spacing of the nodes as a function of position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spacing {
@@ -209,7 +196,7 @@ impl Spacing {
         let mut h = self.far;
         for f in &self.features {
             h = h.min(match *f {
-                Feature::Entry { .. } | Feature::Station { .. } => self.refined(f, domain, p),
+                Feature::FinePath { .. } => self.refined(f, domain, p),
                 _ => f.spacing() + self.growth * f.distance(domain, p),
             });
         }
@@ -233,19 +220,12 @@ impl Spacing {
         self.features.iter().map(|f| self.refined(f, domain, p)).fold(spacing, f64::min)
     }
 
-    /// What an entry or a station asks for; infinite for other features.
+    /// What a fine stretch of a path asks for; infinite for other features.
     fn refined(&self, f: &Feature, domain: &Domain, p: Point) -> f64 {
-        let below = |depth: f64| domain.height() - p[2] - depth;
-        let (axis, radius, spacing, growth, away) = match *f {
-            Feature::Entry { axis, radius, spacing, depth, growth } => {
-                (axis, radius, spacing, growth, below(depth).max(0.0))
-            }
-            Feature::Station { axis, depth, radius, spacing, growth } => {
-                (axis, radius, spacing, growth, below(depth).abs())
-            }
-            _ => return f64::INFINITY,
-        };
-        spacing + growth * away + self.growth * (axis.distance(domain.height(), p) - radius).max(0.0)
+        let Feature::FinePath { axis, depths, radius, spacing, growth } = *f else { return f64::INFINITY };
+        let height = domain.height();
+        let r = axis.distance(height, p);
+        spacing + growth * outside(depths, height - p[2]) + self.growth * (r - radius).max(0.0)
     }
 
     /// Depths below the top face at which a needle's path of a length enters the body or passes from one region to another, m.

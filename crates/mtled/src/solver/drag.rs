@@ -443,3 +443,24 @@ struct Standing {
     /// Mean displacement of its outermost ring along the axis, m.
     flat: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ring of the end acts at its own radius, with all of its push, on layers of any number of rings.
+    #[test]
+    fn rings_of_the_end_are_carried_where_they_are() {
+        for (own, of_end) in [(9, 9), (3, 9), (4, 9), (2, 5), (8, 9)] {
+            let layer = Layer::new(0, &vec![1; own], of_end);
+            for ring in 0..of_end {
+                let carries = layer.carries(ring, of_end);
+                let radius: f64 = carries.iter().map(|(i, share)| share * *i as f64 / (own - 1) as f64).sum();
+                assert!((radius - ring as f64 / (of_end - 1) as f64).abs() < 1e-12, "{own} of {of_end}: {carries:?}");
+                assert!((carries[0].1 + carries[1].1 - 1.0).abs() < 1e-15);
+            }
+            assert!((layer.crowd.iter().sum::<f64>() - of_end as f64).abs() < 1e-12);
+            assert_eq!((layer.nearest(0, of_end), layer.nearest(own - 1, of_end)), (0, of_end - 1));
+        }
+    }
+}

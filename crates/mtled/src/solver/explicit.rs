@@ -160,9 +160,9 @@ impl Solver {
         self.state.forget_motion();
     }
 
-    /// [`State::calm`].
-    pub fn calm(&mut self) {
-        self.state.calm(&mut self.work);
+    /// [`State::adapt_damping`].
+    pub fn adapt_damping(&mut self) {
+        self.state.adapt_damping(&mut self.work);
     }
 
     /// [`State::drag_to`].

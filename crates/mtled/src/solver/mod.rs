@@ -1,9 +1,9 @@
 //! The explicit step: internal-force kernel, stable step, damping, essential boundary conditions, reactions.
 
+mod adaptive_damping;
 mod aside;
 mod backoff;
 mod block;
-mod calm;
 mod cloned;
 mod collapse;
 mod contact;

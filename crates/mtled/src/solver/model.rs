@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 
-use super::calm::Seen;
+use super::adaptive_damping::Sample;
 use super::contact::Surface;
 use super::drag::Drag;
 use super::half::Half;
@@ -99,8 +99,8 @@ pub struct Workspace {
     pub(super) scratch: Precise<Scratch<f32>, Scratch<f64>>,
     /// A displacement field beside the state's own, m, and then the force there, N.
     pub(super) image: Vec<[f64; 3]>,
-    /// Where the tissue was at the last look at its coming to rest.
-    pub(super) seen: Seen,
+    /// Where tissue that comes to rest was, for [`super::State::adapt_damping`].
+    pub(super) sample: Sample,
     /// Set from outside to end an advance before its last step.
     pub(super) stop: Arc<AtomicBool>,
 }
@@ -115,9 +115,9 @@ impl Workspace {
             Precise::F64(k) => Precise::F64(k.scratch(pool.threads())),
         };
         let nodes = model.points.len();
-        // only what a rod holds is brought to rest in looks
-        let seen = Seen::new(if model.rest.drag.nodes.is_empty() { 0 } else { nodes });
-        Self { pool, scratch, image: vec![[0.0; 3]; nodes], seen, stop: Arc::default() }
+        // only what a rod holds is brought to rest
+        let sample = Sample::new(if model.rest.drag.nodes.is_empty() { 0 } else { nodes });
+        Self { pool, scratch, image: vec![[0.0; 3]; nodes], sample, stop: Arc::default() }
     }
 
     /// Watches a flag: once it is set, an advance ends within 24 steps.

@@ -1,6 +1,6 @@
 //! The undeformed state of a model.
 
-use super::calm::Calm;
+use super::adaptive_damping::AdaptiveDamping;
 use super::contact::{Surface, Touch};
 use super::drag::Drag;
 use super::half::Half;
@@ -33,7 +33,7 @@ impl Rest {
             since_refresh: 0.0,
             usual_travel: 0.0,
             motion: Motion::default(),
-            calm: Calm::default(),
+            damping: AdaptiveDamping::default(),
             sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
             dragged: Sums::default(),
         };

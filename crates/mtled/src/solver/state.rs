@@ -1,7 +1,7 @@
 //! What changes from step to step, and what holds the nodes. Copied in one line, by `clone_from`, with no allocation.
 
+use super::adaptive_damping::AdaptiveDamping;
 use super::aside::aside;
-use super::calm::Calm;
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
 use super::drag::{Drag, End, Grip, Wall};
@@ -220,7 +220,7 @@ cloned_field_by_field! {
         /// Travel per step of late, m.
         pub usual_travel: f64,
         pub motion: Motion,
-        pub calm: Calm,
+        pub damping: AdaptiveDamping,
         /// Of each chunk of nodes, after the last advance.
         pub sums: Vec<Sums>,
         /// Of the dragged nodes, along the rod.

@@ -99,7 +99,7 @@ impl Model {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
         if advance.travel != [0.0; 3] {
-            state.control.calm.forget();
+            state.control.damping.forget();
         }
         // what a rod drags may take many steps for a small way
         let steps = if state.constraints.drag.nodes.is_empty() { 1 } else { advance.steps };
@@ -234,7 +234,7 @@ impl Model {
         }
         // masses are to be those of the earlier state: the one that was left may have had enormous ones
         self.evaluate(state, work);
-        state.control.calm.forget();
+        state.control.damping.forget();
         with_kernel!((&self.kernel, &work.scratch) => (k, scratch) {
             let f = &mut state.moving.f;
             k.node_forces(scratch, &mut work.pool, f);
@@ -330,7 +330,7 @@ impl State {
             steps,
             travel,
             gain: self.control.motion.gain,
-            keep: (1.0 - DAMPING * self.control.calm.share() * slowest).max(0.0),
+            keep: (1.0 - DAMPING * self.control.damping.share() * slowest).max(0.0),
             learn: LEARNING * slowest,
             mass_factor: self.moving.mass_factor,
         }

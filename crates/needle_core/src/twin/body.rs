@@ -35,13 +35,13 @@ const WALL_GROWTH: f64 = 0.15;
 /// Largest spacing along the path of a needle that presses before it enters in a half plane, over the capture radius: of one with a wall, and
 /// of one with friction at the membranes that it has to pierce. The edge of its tip is sharp as well.
 const PRESSED_PATH_SPACING: f64 = 0.125;
-/// The cloud beside that place is as fine, to this distance from the axis over the capture radius.
-const STATION_RADIUS: f64 = 1.5;
+/// There the cloud round the path is as fine, to this distance from the axis over the capture radius.
+const MEMBRANE_RADIUS: f64 = 1.5;
 /// What lies so far under a boundary, over the capture radius, is the region behind it.
 const UNDER_IT: f64 = 1e-3;
 /// Growth of the spacing with the distance from there along the path. With 0.4 an inner membrane breaks 50 um too early, with 0.25 and 0.2 35
 /// and 10.
-const STATION_GROWTH: f64 = 0.2;
+const MEMBRANE_GROWTH: f64 = 0.2;
 /// Largest spacing along a needle's path through several regions in a half plane, over the capture radius: where the shear on
 /// the needle jumps with the modulus, the force's error falls in proportion to it. Where tissue slips, the shear does not.
 const REGIONS_PATH_SPACING: f64 = 0.1;
@@ -184,7 +184,7 @@ fn half(scene: &Scene, domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> R
     for feature in &mut own.features {
         match feature {
             Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } => *centre = within(*centre),
-            Feature::Path { axis, .. } | Feature::Entry { axis, .. } | Feature::Station { axis, .. } => {
+            Feature::Path { axis, .. } | Feature::FinePath { axis, .. } => {
                 (axis.entry, axis.slope) = (within(axis.entry), within(axis.slope))
             }
             Feature::Region { solid: Solid::Sphere { centre, .. } | Solid::Cylinder { centre, .. }, .. } => {
@@ -262,12 +262,12 @@ impl Layout {
             let below = axis.section(height, depth + UNDER_IT * radius, 0.0, 0.0);
             Resistance::of(scene, regions::at(scene, height, below), 2.0 * radius).puncture > 0.0
         });
-        self.spacing.features.extend(depths.into_iter().map(|depth| Feature::Station {
+        self.spacing.features.extend(depths.into_iter().map(|depth| Feature::FinePath {
             axis,
-            depth,
-            radius: STATION_RADIUS * radius,
+            depths: [depth; 2],
+            radius: MEMBRANE_RADIUS * radius,
             spacing: PRESSED_PATH_SPACING * radius,
-            growth: STATION_GROWTH,
+            growth: MEMBRANE_GROWTH,
         }));
     }
 
@@ -322,14 +322,13 @@ impl Layout {
 
     /// Least vertical distance between the layers of nodes along a needle's path, m; 0 without a needle.
     pub fn finest_layer(&self) -> f64 {
-        let pressed =
-            self.spacing.features.iter().filter(|f| matches!(f, Feature::Station { .. })).map(Feature::spacing);
-        pressed.fold(self.layer(), f64::min)
+        let fine = self.spacing.features.iter().filter(|f| matches!(f, Feature::FinePath { .. })).map(Feature::spacing);
+        fine.fold(self.layer(), f64::min)
     }
 
     /// Whether the layers of a needle's path are closer to each other where it enters.
     pub fn is_graded(&self) -> bool {
-        self.spacing.features.iter().any(|f| matches!(f, Feature::Entry { .. }))
+        self.spacing.features.iter().any(|f| matches!(f, Feature::FinePath { .. }))
     }
 
     /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle. The largest, where they are graded.
@@ -361,7 +360,7 @@ fn leans(instrument: &Instrument) -> bool {
 /// What gives a path that leans three rings down to a depth, if it has fewer.
 fn three_rings(axis: Axis, radius: f64, spacing: f64, depth: f64) -> Option<Feature> {
     let fine = radius / LEANING_RINGS;
-    let entry = Feature::Entry { axis, radius, spacing: fine, depth, growth: MAX_GROWTH };
+    let entry = Feature::FinePath { axis, depths: [0.0, depth], radius, spacing: fine, growth: MAX_GROWTH };
     (spacing > (1.0 + SAME_RINGS) * fine).then_some(entry)
 }
 
@@ -400,7 +399,7 @@ pub(super) fn enters_at_once(instrument: &Instrument) -> bool {
 fn entry(feature: &Feature) -> Option<Feature> {
     let Feature::Path { axis, capture_radius, spacing, .. } = *feature else { return None };
     let (radius, fine) = (ENTRY_RADIUS * capture_radius, ENTRY_SPACING * spacing);
-    let entry = Feature::Entry { axis, radius, spacing: fine, depth: 0.0, growth: ENTRY_GROWTH };
+    let entry = Feature::FinePath { axis, depths: [0.0; 2], radius, spacing: fine, growth: ENTRY_GROWTH };
     (spacing > GRADED_FROM * capture_radius).then_some(entry)
 }
 

@@ -12,8 +12,8 @@ const STRIDES: f64 = 40.0;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 512;
-/// Looks after which damping is brought up to date: fewer see the pressure waves, too.
-const CALM: u32 = 4;
+/// Looks between two adaptions of the damping: more often, it follows pressure waves as well.
+const ADAPT: u32 = 4;
 
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64) -> f64 {
@@ -53,8 +53,8 @@ impl Twin {
             sprang |= springs;
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
             self.note(seen, tip, phase);
-            if look % CALM == 0 {
-                self.solver.calm();
+            if look % ADAPT == 0 {
+                self.solver.adapt_damping();
             }
             last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
             taken += LOOK;

@@ -133,8 +133,13 @@ fn half_planes_of_many_shapes_are_sound() {
 fn a_path_is_finer_where_it_enters() {
     let (radius, spacing, at_top, growth) = (5e-4, 2.5e-4, 1.5e-4, 0.06);
     let path = Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius: radius, length: 0.0105, spacing };
-    let entry =
-        Feature::Entry { axis: Axis::vertical([0.0; 2]), radius: 1.5 * radius, spacing: at_top, depth: 0.0, growth };
+    let entry = Feature::FinePath {
+        axis: Axis::vertical([0.0; 2]),
+        depths: [0.0; 2],
+        radius: 1.5 * radius,
+        spacing: at_top,
+        growth,
+    };
     let domain = Domain::Cylinder { radius: RADIUS, height: HEIGHT };
     let plane = |features: Vec<Feature>| meridian(&domain, &Spacing { far: 2.33e-3, growth: 0.3, features });
     let graded = plane(vec![path, entry]).unwrap();
@@ -160,7 +165,8 @@ fn a_path_is_finer_where_it_enters() {
     let more = graded.points.len() as f64 / even.points.len() as f64;
     assert!((1.05..1.2).contains(&more), "{} nodes instead of {}", graded.points.len(), even.points.len());
     for growth in [0.0, 0.6, f64::NAN] {
-        let entry = Feature::Entry { axis: Axis::vertical([0.0; 2]), radius, spacing: at_top, depth: 0.0, growth };
+        let entry =
+            Feature::FinePath { axis: Axis::vertical([0.0; 2]), depths: [0.0; 2], radius, spacing: at_top, growth };
         assert!(
             matches!(plane(vec![path, entry]), Err(CloudError::OutOfRange { key: "entry growth", .. })),
             "{growth}"

@@ -6,7 +6,6 @@
 
 mod cable;
 mod fault;
-mod hung;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,12 +17,12 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use self::cable::{Cable, Heard, Setting, Stream};
 use self::fault::Fault;
-use self::hung::Hung;
 use super::super::nodes::Node;
 use super::super::output::OutputFolder;
 use super::super::progress::Progress;
 use super::super::{CliError, Outcome, print};
 use needle_estimate::compare::Watch as _;
+use ros2_guarded::hung::Hung;
 use ros2_node::clock::wall_nanos;
 use ros2_node::environment;
 
@@ -38,7 +37,7 @@ const LASTS: Duration = Duration::from_millis(1500);
 /// How long a yes may be believed after its stamp, and so how long a false one may last, s: `guard_timeout_s`.
 const LONGEST_S: f64 = 0.025;
 
-/// A value that stands still is told from one at rest by the sensor's noise, which takes a number of readings, or by the velocity, s.
+/// A value that stands still is distinguished from one at rest by the sensor's noise, which takes a number of readings, or by the velocity, s.
 const LONGEST_FROZEN_S: f64 = 0.2;
 
 /// What the housekeeping thread of the twin looks after is not evidence of a pose: the twin says no when it has not looked for half a second, s.
@@ -535,7 +534,11 @@ impl Loop {
             Hazard::Killed(process) => begun = self.signal(process, Signal::KILL),
             Hazard::Hung(process, thread) => {
                 let stopped = self.process(process).ok_or_else(|| "has no such process".to_owned());
-                hung = Some(stopped.and_then(|id| Hung::new(id, thread.name)).map_err(CliError::Nodes)?);
+                hung = Some(
+                    stopped
+                        .and_then(|id| Hung::new(id.as_raw_nonzero().get().unsigned_abs(), thread.name))
+                        .map_err(CliError::Nodes)?,
+                );
             }
             Hazard::Suspended => {
                 for process in ALL {

@@ -179,8 +179,9 @@ impl Shaft {
     /// s_j = 1/b integral of H_j(y) dy over x - b/2 to x + b/2        sum 1, mean x
     /// ```
     ///
-    /// The quadratic B-splines where b is the distance. At a sharp depth tissue yields twice as much to a push at a layer as halfway to the next one, at
-    /// that length by a fifth of that; else the front goes on in leaps. Above the first layer there is none: the first one yields for it.
+    /// The quadratic B-splines where b is the distance. At a sharp depth tissue yields twice as much to a push at a layer as halfway to the
+    /// next one, at that length by a fifth of that; else the front goes on in leaps. Above the first layer there is none: the first one
+    /// yields for it.
     #[must_use]
     pub fn spread(&self, depth: f64) -> (usize, [f64; 3]) {
         let (above, share) = self.place(depth);
@@ -283,6 +284,41 @@ mod tests {
             let sum: f64 = (0..5).map(|k| shaft.share(k, to, |r| r.friction)).sum();
             assert!((sum - 2.0 * to).abs() < 1e-15, "{to}: {sum}");
         }
+    }
+
+    /// Whatever the distances of the layers, and where two lengths meet.
+    #[test]
+    fn the_push_is_spread_with_sum_one_and_where_it_is() {
+        let depths = [0.0, 6e-5, 1.2e-4, 2.4e-4, 4.9e-4, 7.4e-4];
+        let nodes =
+            depths.iter().zip(0..).flat_map(|(z, k)| (0..3).map(move |i| (3 * k + i, *z, 2.5e-4 * f64::from(i))));
+        let shaft = Shaft::new(nodes.collect(), 6e-5, 5e-4).unwrap();
+        for k in 0..=105 {
+            let depth = 7.0e-5 + 5e-6 * f64::from(k);
+            let (first, shares) = shaft.spread(depth);
+            let at: f64 = shares.iter().zip(&depths[first..]).map(|(s, z)| s * z).sum();
+            assert!(
+                (shares.iter().sum::<f64>() - 1.0).abs() < 1e-12 && (at - depth).abs() < 1e-12,
+                "{depth}: {shares:?}"
+            );
+            assert!(shares.iter().all(|s| *s > -1e-12), "{depth}: {shares:?}");
+        }
+    }
+
+    /// A layer may have fewer rings than another, but rings lie equal steps apart.
+    #[test]
+    fn layers_of_several_numbers_of_rings_are_a_shaft() {
+        let layer = |first: u32, z: f64, steps: u32| {
+            (0..=steps).map(move |i| (first + i, z, 5e-4 * f64::from(i) / f64::from(steps)))
+        };
+        let of = |steps: [u32; 3]| (0..3).flat_map(|k| layer(10 * k, 1e-4 * f64::from(k), steps[k as usize])).collect();
+        let shaft = Shaft::new(of([4, 3, 2]), 1e-4, 5e-4).unwrap();
+        assert_eq!(shaft.rings.iter().map(Vec::len).collect::<Vec<_>>(), [5, 4, 3]);
+        assert_eq!([shaft.layer(1), shaft.wall(1)], [5..9, 8..9]);
+        assert_eq!((shaft.layer_of(4), shaft.layer_of(5), shaft.layer_of(11)), (0, 1, 2));
+        let mut uneven: Vec<(u32, f64, f64)> = of([4, 4, 4]);
+        uneven[2].2 += 4e-5;
+        assert!(Shaft::new(uneven, 1e-4, 5e-4).is_none());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Damping of tissue that comes to rest without the instrument's motion: after a membrane has broken, after a turn.
 //!
 //! ```text
-//! omega^2 = du . df / (du . M du)       du: displacement between two looks, m; df: change of the internal force, N; M: scaled masses
+//! omega^2 = du . df / (du . M du)       du: displacement between two samples, m; df: change of the internal force, N; M: scaled masses
 //! ```
 //!
 //! The Rayleigh quotient of the present motion, as in adaptive dynamic relaxation (Underwood, in Computational Methods for Transient
@@ -19,28 +19,28 @@ const KEEPS: f64 = 0.5;
 
 /// Damping of a state.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Calm {
-    /// Whether [`Seen`] is of the present rest.
-    seen: bool,
+pub(super) struct AdaptiveDamping {
+    /// Whether the [`Sample`] is of the present rest.
+    sampled: bool,
     /// Frequency for which damping is critical, over that of the body.
     share: Option<f64>,
 }
 
-/// What the last look saw: displacements, m, and internal forces, N.
+/// Displacements, m, and internal forces, N, at the last sample.
 #[derive(Debug)]
-pub(super) struct Seen {
+pub(super) struct Sample {
     u: Vec<[f64; 3]>,
     f: Vec<[f64; 3]>,
 }
 
-impl Seen {
+impl Sample {
     /// Of a body of so many nodes.
     pub fn new(nodes: usize) -> Self {
         Self { u: vec![[0.0; 3]; nodes], f: vec![[0.0; 3]; nodes] }
     }
 }
 
-impl Calm {
+impl AdaptiveDamping {
     /// The instrument moves, or the state is another.
     pub fn forget(&mut self) {
         *self = Self::default();
@@ -53,12 +53,12 @@ impl Calm {
 }
 
 impl State {
-    /// Looks at tissue that comes to rest, between two advances at the same pose: damping follows the frequency of its motion.
-    pub fn calm(&mut self, work: &mut Workspace) {
+    /// Adapts the damping to the frequency of tissue that comes to rest, between two advances at the same pose.
+    pub fn adapt_damping(&mut self, work: &mut Workspace) {
         let slowest = self.slowest();
-        let (moving, calm, mass) = (&self.moving, &mut self.control.calm, &self.control.mass);
-        let Seen { u, f } = &mut work.seen;
-        if calm.seen {
+        let (moving, damping, mass) = (&self.moving, &mut self.control.damping, &self.control.mass);
+        let Sample { u, f } = &mut work.sample;
+        if damping.sampled {
             let (mut stiffness, mut inertia) = (0.0, 0.0);
             for n in 0..mass.len() {
                 let moved = std::array::from_fn(|k| moving.u[n][k] - u[n][k]);
@@ -69,11 +69,11 @@ impl State {
             let share = (stiffness / inertia).max(0.0).sqrt() / slowest;
             if share.is_finite() {
                 let share = share.clamp(LEAST, 1.0);
-                calm.share = Some(calm.share.map_or(share, |before| KEEPS * before + (1.0 - KEEPS) * share));
+                damping.share = Some(damping.share.map_or(share, |before| KEEPS * before + (1.0 - KEEPS) * share));
             }
         }
         u.copy_from_slice(&moving.u);
         f.copy_from_slice(&moving.f);
-        calm.seen = true;
+        damping.sampled = true;
     }
 }
