@@ -5,8 +5,9 @@ use needle_core::scene::{Scene, Word as _};
 use std::fmt::Write as _;
 
 /// Key suffixes that name a unit; a suffix that contains another one at its end comes first.
-const UNITS: [(&str, &str); 12] = [
+const UNITS: [(&str, &str); 13] = [
     ("_kg_per_m3", "kg/m³"),
+    ("_n_per_m", "N/m"),
     ("_m_per_s2", "m/s²"),
     ("_m_per_s", "m/s"),
     ("_rad", "rad"),
@@ -59,6 +60,7 @@ fn with_chosen(table: &toml::Table, scene: &Scene) -> toml::Table {
         "growth" => number(grading.map(|g| g.growth)),
         "support_factor" => number(Some(scene.support_factor())),
         "cells_per_point" => Some(scene.cells_per_point().to_string()),
+        "volume_ratio" => Some(scene.volume_ratio_in(scene.dimension().dimension).as_str().to_owned()),
         "dimension" => Some(scene.dimension().dimension.as_str().to_owned()),
         "integration" => {
             let consistent = scene.is_consistent_in(scene.dimension().dimension);

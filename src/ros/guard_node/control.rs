@@ -120,6 +120,7 @@ pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: 
     let mut ears = Ears::new(endpoints.clock.is_some());
     let mut looked = Instant::now();
     let mut due = looked + task.period;
+    let mut without_force = false;
     while stop.recv_deadline(due) == Err(RecvTimeoutError::Timeout) {
         let now = Instant::now();
         due = if now > due + MADE_UP * task.period { now + task.period } else { due + task.period };
@@ -136,8 +137,11 @@ pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: 
         let setpoint_m = task.guard.tick(&sight);
         endpoints.say(&task.joint, setpoint_m, &ears.clock);
         tell(before, task.guard.phase(), sight.depth_m, &ears.twin_says);
-        if matches!((before, task.guard.phase()), (Phase::Waiting(_), Phase::Moving)) {
+        let moves_off = matches!((before, task.guard.phase()), (Phase::Waiting(_), Phase::Moving));
+        // a twin that has just started says how its force changes some tenths of a second later
+        if moves_off || (without_force && ears.steepest_n_per_m > 0.0) {
             tell_delay(task.guard.orders(), ears.steepest_n_per_m);
+            without_force = ears.steepest_n_per_m <= 0.0;
         }
         let report = Report {
             phase: task.guard.phase(),
