@@ -384,6 +384,7 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
     if let (Some(held), Some(rmse)) = (&calibration.parts.held_out, calibration.held_out_rmse_n()) {
         lines.push(("held out", format!("rmse {rmse:.6} N over {} readings that were not fitted", held.len())));
     }
+    lines.extend(calibration.standing().map(|standing| ("baselines", standing.sentence())));
     if let Some(p) = prediction {
         let share = |rmse: f64| if p.peak_n > 0.0 { 100.0 * rmse / p.peak_n } else { 0.0 };
         lines.push((

@@ -9,6 +9,7 @@ mod curves;
 #[cfg(feature = "ros")]
 mod demo;
 mod error;
+mod forecast;
 mod import;
 mod interrupt;
 mod layers;
@@ -63,6 +64,7 @@ enum Command {
     Calibrate(calibrate::Arguments),
     Batch(batch::Arguments),
     Solve(solve::Arguments),
+    Forecast(forecast::Arguments),
     Study(study::Arguments),
     Tune(tune::Arguments),
     Scene(scene::Arguments),
@@ -128,6 +130,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Batch(arguments)) => batch::run(&arguments),
         Some(Command::Calibrate(arguments)) => calibrate::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
+        Some(Command::Forecast(arguments)) => forecast::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),
         Some(Command::Tune(arguments)) => tune::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),

@@ -11,7 +11,7 @@ use needle_recording::Reading;
 use needle_recording::{Quantity, Recording, Selection, TableLayout, TopicNames};
 
 /// Scene of a recording that doesn't say which it was made for.
-const DEFAULT_SCENE: &str = "needle_insertion";
+pub(super) const DEFAULT_SCENE: &str = "needle_insertion";
 
 /// A recording and the scene that it is run with.
 #[derive(Debug, Args)]
@@ -84,7 +84,7 @@ pub(super) struct TopicOptions {
 }
 
 impl TopicOptions {
-    fn names(&self) -> TopicNames {
+    pub(super) fn names(&self) -> TopicNames {
         TopicNames {
             joint_state: self.measured_js.clone(),
             pose: self.measured_cp.clone(),

@@ -3,6 +3,7 @@
 mod accuracy;
 #[cfg(feature = "ros")]
 mod hazards;
+mod matrix;
 mod sensitivity;
 mod speed;
 
@@ -40,6 +41,7 @@ enum Study {
     Verification(Verify),
     Stability(Stability),
     Speed(speed::Speed),
+    Matrix(matrix::Matrix),
     Sensitivity(sensitivity::SensitivityArguments),
     #[cfg(feature = "ros")]
     Hazards(hazards::Hazards),
@@ -120,6 +122,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         Study::Verification(verify) => verify.run(),
         Study::Stability(stability) => stability.run(),
         Study::Speed(speed) => speed.run(),
+        Study::Matrix(matrix) => matrix.run(),
         Study::Sensitivity(sensitivity) => sensitivity.run(),
         #[cfg(feature = "ros")]
         Study::Hazards(hazards) => hazards.run(),

@@ -30,6 +30,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     if let Some(error) = error(run) {
         lines.push(("error", error));
     }
+    lines.extend(run.standing().map(|standing| ("baselines", standing.sentence())));
     lines.extend(run.alignment().map(|found| ("alignment", aligned(&found, [false; 3]))));
     lines.extend(run.ensemble.as_ref().map(|members| ("members", ensemble(run, members))));
     lines.extend(run.ensemble.as_ref().and_then(learnt).map(|keys| ("learnt", keys)));

@@ -11,6 +11,7 @@ mod demo;
 mod determinism;
 mod docs;
 mod ensemble;
+mod forecast;
 mod growth;
 mod guarded;
 mod import;

@@ -5,8 +5,10 @@
 #![allow(non_snake_case)] // the code uses the formula's own symbols
 #![forbid(unsafe_code)]
 
+pub mod baseline;
 pub mod batch;
 pub mod cache;
 pub mod calibrate;
 pub mod compare;
+pub mod forecast;
 pub mod layers;

@@ -35,7 +35,5 @@ impl Recording {
 
 /// Unit vector along the scene's instrument, into the sample.
 fn direction(scene: &Scene) -> [f64; 3] {
-    let [x, y] = scene.instrument.as_ref().map_or([0.0; 2], |instrument| instrument.slope());
-    let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
-    [x * cosine, y * cosine, -cosine]
+    scene.instrument.as_ref().map_or([0.0, 0.0, -1.0], needle_core::scene::Instrument::axis)
 }

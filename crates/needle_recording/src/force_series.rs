@@ -81,6 +81,14 @@ impl ForceSeries {
         self.samples.is_empty()
     }
 
+    /// Number of samples from one time to another.
+    #[must_use]
+    pub fn between(&self, from_s: f64, to_s: f64) -> usize {
+        let before = |time_s: f64| self.samples.partition_point(|(time, _)| *time < time_s);
+        let after = self.samples.partition_point(|(time, _)| *time <= to_s);
+        after.saturating_sub(before(from_s))
+    }
+
     /// Force at a time, interpolated linearly; `None` before the first sample, after the last, and in a gap.
     #[must_use]
     pub fn at(&self, time_s: f64) -> Option<[f64; 3]> {

@@ -338,7 +338,9 @@ impl Recording {
         let missing = |what, option| TableError::Missing { what, option, columns: columns() };
         let moves = |t: &Table| t.columns.position.is_some() || t.columns.pose.is_some();
         let moving = read.iter().position(moves).ok_or_else(|| missing("position", "--position"))?;
-        let feeling = read.iter().position(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        // a column's number or header may fit both tables; then the force's own table was given for the force
+        let feels = |k: &usize| read[*k].columns.force.is_some() || read[*k].columns.forces.is_some();
+        let feeling = (0..read.len()).filter(|k| *k != moving).find(feels).or(Some(moving).filter(feels));
         let (motion, cell) = (&read[moving], feeling.map(|k| &read[k]));
         let timed = |t: &Table| t.columns.time.is_some() || t.rate_hz.is_some();
         if let Some(untimed) = [Some(motion), cell].into_iter().flatten().find(|t| !timed(t)) {

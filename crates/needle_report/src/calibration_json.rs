@@ -1,6 +1,6 @@
 //! `calibration.json`: the result of a calibration, for programs.
 
-use super::metrics::{alignment_json, verdict_json};
+use super::metrics::{alignment_json, baselines_json, verdict_json};
 use needle_estimate::calibrate::{Calibration, Estimate, Prediction};
 use serde_json::{Map, Value, json};
 
@@ -14,13 +14,15 @@ pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Opt
         own.map(|e| (e.name.replacen(prefix, "", 1), estimate(e))).collect()
     };
     let names: Vec<&str> = calibration.estimates.iter().map(|e| e.name.as_str()).collect();
+    let standing = calibration.standing();
     let no_effect: Vec<&str> = keys.iter().filter(|e| !e.has_effect).map(|e| e.name.as_str()).collect();
     let body = json!({
         "scene": calibration.scene.name,
         "measured_source": source,
         "fit": group(keys, ""),
         "load_cell": group(beside, "load_cell."),
-        "verdict": verdict_json(&calibration.verdict),
+        "verdict": verdict_json(&calibration.verdict, standing.as_ref()),
+        "baselines": baselines_json(standing.as_ref()),
         "rejected": calibration.rejected(),
         "alignment": alignment_json(calibration.alignment.as_ref()),
         "align": calibration.scene.align.map(|align| json!({

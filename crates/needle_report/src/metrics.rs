@@ -2,6 +2,7 @@
 
 use needle_core::scene::Uncertain;
 use needle_core::twin::Event;
+use needle_estimate::baseline::{Against, Baseline, Standing};
 use needle_estimate::compare::alignment::{Alignment, Found};
 use needle_estimate::compare::crossing::{self, Crossing};
 use needle_estimate::compare::ensemble::assimilate::{Forecast, HORIZON_S};
@@ -16,6 +17,11 @@ use serde_json::{Map, Value, json};
 #[must_use]
 pub fn metrics_json(run: &Run) -> String {
     let mut nulls = Nulls { run, because: Map::new() };
+    let standing = run.standing();
+    if standing.is_none() {
+        let because = "too little was measured before and after half of the insertion";
+        nulls.because.insert("baselines".to_owned(), Value::from(because));
+    }
     let mut body = json!({
         "scene": run.scene,
         "method": run.method,
@@ -36,7 +42,8 @@ pub fn metrics_json(run: &Run) -> String {
         "measured_events": measured_events(run),
         "measured_source": run.measured_source,
         "losses": run.losses,
-        "verdict": verdict_json(&run.verdict()),
+        "verdict": verdict_json(&run.verdict(), standing.as_ref()),
+        "baselines": baselines_json(standing.as_ref()),
         "alignment": alignment_json(run.alignment().as_ref()),
         "checksum": run.checksum,
         "null_because": nulls.because,
@@ -226,7 +233,7 @@ fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
 }
 
 /// The verdict in the format of `metrics.json` and `calibration.json`.
-pub(super) fn verdict_json(verdict: &Verdict) -> Value {
+pub(super) fn verdict_json(verdict: &Verdict, standing: Option<&Standing>) -> Value {
     let finite = |x: Option<f64>| x.filter(|x| x.is_finite());
     let shares: Vec<f64> = verdict.share_over_depth.iter().copied().filter(|s| s.is_finite()).collect();
     json!({
@@ -236,7 +243,24 @@ pub(super) fn verdict_json(verdict: &Verdict) -> Value {
         "residual_autocorrelation": finite(verdict.autocorrelation),
         "noise_n": finite(verdict.noise_n),
         "residual_share_over_depth": shares,
+        "against_baselines": standing.map_or(Against::NoMeasurement, Standing::against).as_str(),
     })
+}
+
+/// Errors of the baselines, each with that of the twin over the same readings.
+pub(super) fn baselines_json(standing: Option<&Standing>) -> Value {
+    let entry = |standing: &Standing, baseline: &Baseline| {
+        json!({
+            "name": baseline.name,
+            "fitted_to": standing.fitted_to,
+            "predicted": standing.predicted,
+            "readings": standing.readings,
+            "rmse_n": baseline.rmse_n,
+            "twin_rmse_n": standing.twin_rmse_n,
+        })
+    };
+    let all = |standing: &Standing| standing.baselines.iter().map(|b| entry(standing, b)).collect::<Vec<Value>>();
+    Value::from(standing.map(all).unwrap_or_default())
 }
 
 /// Alignment of the recording with the model; null if it is not available.

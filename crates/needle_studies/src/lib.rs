@@ -6,6 +6,7 @@
 //!   error.
 //! - [`stability`] continues the indentation until each method fails.
 //! - [`verification`] compares the shipped presets and the [`composites`] with their targets.
+//! - [`matrix`] runs every instrument with every dimension, law and sample.
 //! - [`sensitivity`] finds the uncertain keys that matter.
 //! - [`speed`] measures the time of a step, with the [`mod@bounds`] of the machine, and [`contention`] a needle
 //!   insertion under the load of other programs.
@@ -19,6 +20,7 @@ pub mod composites;
 pub mod contention;
 pub mod correction;
 mod csv;
+pub mod matrix;
 pub mod reference;
 pub mod reference_solution;
 pub mod sensitivity;

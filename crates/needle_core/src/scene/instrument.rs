@@ -236,6 +236,14 @@ impl Instrument {
             InstrumentKind::Plate | InstrumentKind::Indenter { .. } => [0.0; 2],
         }
     }
+
+    /// Unit vector along it, into the sample.
+    #[must_use]
+    pub fn axis(&self) -> [f64; 3] {
+        let [x, y] = self.slope();
+        let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
+        [x * cosine, y * cosine, -cosine]
+    }
 }
 
 /// Lower end of an indenter (`instrument.tip`).

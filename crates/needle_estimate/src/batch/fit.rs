@@ -1,8 +1,8 @@
 //! Converts the result of a replay or a calibration to a fit of a row.
 
-use super::{Candidate, Curve, Fit, HeldOut, Key};
+use super::{Candidate, Fit, HeldOut, Key};
 use crate::calibrate::Calibration;
-use crate::compare::{self, Run};
+use crate::compare::{self, Curve, Run};
 use needle_recording::{At, Reading};
 
 /// Number of readings at the end of the predicted part. Their mean is the force there.

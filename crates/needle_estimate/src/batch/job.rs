@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
 
 use super::fit::{calibrated, replayed};
-use super::{Candidate, Curve, Entry, Fit, Manifest, Row, Tables};
+use super::{Candidate, Entry, Fit, Manifest, Row, Tables};
 use crate::calibrate::{CurveTable, HoldOut, LoadCell, Task, Wanted, calibrate};
-use crate::compare::{self, Cancel, Keep, Session};
+use crate::compare::{self, Cancel, Curve, Keep, Session};
 use needle_core::scene::{Override, Scene, file as scene_file};
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};

@@ -201,6 +201,7 @@ impl Manifest {
         if recordings.is_empty() {
             return Err(error("it names no recordings: add [[recordings]] with file = \"...\"".to_owned()));
         }
+        name_by_folder(&mut recordings);
         let mut names: Vec<&str> = recordings.iter().filter_map(|r| r.name.as_deref()).collect();
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
@@ -208,6 +209,21 @@ impl Manifest {
         }
         let candidates = crossed(written.candidates, &written.variants);
         Ok(Self { folder, candidates, recordings })
+    }
+}
+
+/// Puts the folder before names that came from equal file names in several folders.
+fn name_by_folder(recordings: &mut [Entry]) {
+    let mut counts = std::collections::BTreeMap::<String, usize>::new();
+    recordings.iter().filter_map(|r| r.name.clone()).for_each(|name| *counts.entry(name).or_default() += 1);
+    for entry in recordings {
+        let (Some(name), Some(file)) = (&entry.name, &entry.file) else { continue };
+        let file = Path::new(file);
+        let part = |path: Option<&std::ffi::OsStr>| path.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
+        let (stem, folder) = (part(file.file_stem()), part(file.parent().and_then(Path::file_name)));
+        if counts.get(name).is_some_and(|n| *n > 1) && name.starts_with(&stem) && !folder.is_empty() {
+            entry.name = Some(format!("{folder}_{name}"));
+        }
     }
 }
 

@@ -5,7 +5,6 @@
 //! any machine, twice, or after a crash: the rows are the same to the last bit.
 
 mod choice;
-mod curve;
 mod fit;
 mod job;
 mod manifest;
@@ -16,7 +15,6 @@ mod row;
 mod tables;
 mod together;
 
-pub use curve::Curve;
 pub use job::Job;
 pub use manifest::{Candidate, Entry, Manifest, ManifestError};
 pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample, sealed};

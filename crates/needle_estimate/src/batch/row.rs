@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Curve;
+use crate::compare::Curve;
 
 /// An identified key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -110,6 +110,9 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&s
         }
         _ => beyond.clone().or_else(|| many.map(of_many_clouds)),
     };
+    if beyond.is_some() && calibration.verdict.explains == Explains::Yes {
+        calibration.verdict.explains = Explains::No;
+    }
     calibration.verdict.reasons.extend(beyond);
     let together = calibration.indistinguishable.clone();
     for e in &mut calibration.estimates {

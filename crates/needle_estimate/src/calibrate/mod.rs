@@ -155,10 +155,11 @@ impl Calibration {
         rmse(&self.forces.measured_n[range.clone()], &self.forces.fitted_n[range.clone()])
     }
 
-    /// Whether the model is rejected: it explains the readings with no values of the keys.
+    /// Whether the model is rejected: it explains the readings with no values of the keys. Too few readings for a
+    /// verdict reject nothing.
     #[must_use]
     pub fn rejected(&self) -> bool {
-        self.verdict.explains != crate::compare::Explains::Yes
+        self.verdict.explains != crate::compare::Explains::Yes && !self.verdict.too_little
     }
 
     /// Merges the alignment. Values that were sought come from the search; the others were estimated on the last run.

@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::paths::path_of;
 use super::runs::Common;
+use super::spikes;
 use super::tie::{pressures, tied};
 use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
@@ -185,10 +186,18 @@ impl<'a> Recorded<'a> {
             predicted_n: of(predicted_n),
             measured_n: measured.collect(),
             one_clock: self.task.measured.one_clock(),
+            readings: self.own_readings(),
             known: self.task.load_cell.known(),
             whole_n: 0.0,
             zero_n: 0.0,
         }
+    }
+
+    /// Number of the load cell's readings between the first and the last fitted row.
+    fn own_readings(&self) -> Option<usize> {
+        let time = |i: &usize| self.forces.time_s[*i] + self.task.readings.first().map_or(0.0, |r| r.time_s);
+        let (first, last) = (self.fitted.first()?, self.fitted.last()?);
+        Some(self.task.measured.between(time(first), time(last)))
     }
 
     /// The last run's force along its motion.
@@ -283,10 +292,9 @@ impl<'a> Recorded<'a> {
     }
 }
 
-impl Problem for Recorded<'_> {
-    type Error = CalibrateError;
-
-    fn residuals(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
+impl Recorded<'_> {
+    /// Predicted - measured at the fitted rows, N.
+    fn difference_to_measured(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
         let Some(force) = self.all_predicted(x)? else { return Ok(None) };
         let along = |i: usize| force[0][i] + self.added(x, self.forces.time_s[i]) - self.forces.measured_n[i];
         let across = force[1..].iter().zip(self.across_fitted());
@@ -295,11 +303,30 @@ impl Problem for Recorded<'_> {
         Ok(Some(DVector::from_vec(self.one_column(std::iter::once(along).chain(across)))))
     }
 
-    fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {
-        if self.predicted(x)?.is_none() {
-            return Ok(None);
+    /// Whether outliers of residuals and derivatives are limited: the force falls at punctures, whose depth is not
+    /// what is sought.
+    fn limits(&self) -> bool {
+        self.task.scene.instrument.is_some_and(|instrument| instrument.is_frictional())
+            && !self.sought.iter().any(|sought| sought.name().ends_with("puncture_force_n"))
+    }
+}
+
+impl Problem for Recorded<'_> {
+    type Error = CalibrateError;
+
+    fn residuals(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
+        let mut r = self.difference_to_measured(x)?;
+        if let Some(r) = r.as_mut().filter(|_| self.limits()) {
+            spikes::limit(r.as_mut_slice());
         }
-        let force: Vec<f64> = self.all_measured(x).iter().zip(r).map(|(m, r)| r + m).collect();
+        Ok(r)
+    }
+
+    fn jacobian(&mut self, x: &[f64], _: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {
+        // the last run is that of x, so this costs none
+        let Some(r) = self.difference_to_measured(x)? else { return Ok(None) };
+        let force: Vec<f64> = self.all_measured(x).iter().zip(&r).map(|(m, r)| r + m).collect();
+        let largest_residual = if self.limits() { spikes::largest(r.as_slice()) } else { f64::INFINITY };
         let whole = force.iter().map(|f| f * f).sum::<f64>().sqrt();
         let mut jacobian = DMatrix::zeros(force.len(), x.len());
         // the force is homogeneous in the pressures: the derivative by the largest follows from the others' (Euler)
@@ -318,7 +345,12 @@ impl Problem for Recorded<'_> {
             let column = match self.derivative(x, k, &force) {
                 Some(column) => column,
                 None => match self.difference(x, k, &force)? {
-                    Some(column) => column,
+                    Some(mut column) => {
+                        if self.limits() {
+                            spikes::limit(&mut column);
+                        }
+                        column
+                    }
                     None => return Ok(None),
                 },
             };
@@ -328,6 +360,10 @@ impl Problem for Recorded<'_> {
             if !matches!(self.sought[k], Sought::Key(_)) || doubled > NO_EFFECT * whole {
                 jacobian.set_column(k, &column);
             }
+        }
+        // a limited residual does not change
+        for row in (0..r.len()).filter(|&row| r[row].abs() > largest_residual) {
+            jacobian.row_mut(row).fill(0.0);
         }
         Ok(Some(jacobian))
     }

@@ -135,6 +135,11 @@ impl Collector {
         self.run.one_clock = one_clock;
     }
 
+    /// Sets the number of readings of the load cell during the motion.
+    pub(super) const fn read_forces(&mut self, readings: Option<usize>) {
+        self.run.force_readings = readings;
+    }
+
     /// Sets the intervals without recorded data, from and to, s.
     pub(super) fn over_holes(&mut self, holes: &[[f64; 2]]) {
         self.run.holes = holes.to_vec();

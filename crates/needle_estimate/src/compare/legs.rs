@@ -51,36 +51,10 @@ impl Run {
         }
     }
 
-    /// The insertions and retractions in order, none of them empty. A stay at the turning point belongs to the pass
-    /// before it.
+    /// The insertions and retractions in order ([`passes`]).
     #[must_use]
     pub fn passes(&self) -> Vec<Pass> {
-        let depth = |i: usize| self.answers[i].depth_m;
-        let known = |i: &usize| depth(*i).is_finite();
-        let deepest = (0..self.answers.len()).filter(known).map(depth).fold(0.0, f64::max);
-        // the motion above the surface does not count
-        let depth = |i: usize| depth(i).max(0.0);
-        let mut passes = Vec::<Pass>::new();
-        let (mut begun, mut far, mut best, mut back) = (0, 0, 0.0, false);
-        let pass = |passes: &[Pass], range: Range<usize>, back: bool| Pass {
-            range,
-            back,
-            number: passes.iter().filter(|pass| pass.back).count(),
-        };
-        for i in (0..self.answers.len()).filter(known) {
-            let short = if back { depth(i) - best } else { best - depth(i) };
-            if short <= HOLD_BAND * deepest {
-                far = i;
-                best = if short < 0.0 { depth(i) } else { best };
-            } else if short > TURN * deepest {
-                passes.push(pass(&passes, begun..far + 1, back));
-                (begun, far, best, back) = (far + 1, i, depth(i), !back);
-            }
-        }
-        if begun < self.answers.len() {
-            passes.push(pass(&passes, begun..self.answers.len(), back));
-        }
-        passes
+        passes(&self.answers.iter().map(|a| a.depth_m).collect::<Vec<f64>>())
     }
 
     /// Depth, m, and duration, s, of the hold at the deepest point. `None` if the run only touches it: no more than
@@ -97,6 +71,37 @@ impl Run {
         let depth = self.answers[hold..retraction].iter().map(|a| a.depth_m).fold(first.depth_m, f64::max);
         (duration.is_finite() && duration > 0.02 * whole.max(0.0)).then_some((depth, duration))
     }
+}
+
+/// The insertions and retractions of a motion in order, none of them empty, from its depths in m. A stay at the turning
+/// point belongs to the pass before it.
+#[must_use]
+pub fn passes(depth_m: &[f64]) -> Vec<Pass> {
+    let known = |i: &usize| depth_m[*i].is_finite();
+    let deepest = (0..depth_m.len()).filter(known).map(|i| depth_m[i]).fold(0.0, f64::max);
+    // the motion above the surface does not count
+    let depth = |i: usize| depth_m[i].max(0.0);
+    let mut passes = Vec::<Pass>::new();
+    let (mut begun, mut far, mut best, mut back) = (0, 0, 0.0, false);
+    let pass = |passes: &[Pass], range: Range<usize>, back: bool| Pass {
+        range,
+        back,
+        number: passes.iter().filter(|pass| pass.back).count(),
+    };
+    for i in (0..depth_m.len()).filter(known) {
+        let short = if back { depth(i) - best } else { best - depth(i) };
+        if short <= HOLD_BAND * deepest {
+            far = i;
+            best = if short < 0.0 { depth(i) } else { best };
+        } else if short > TURN * deepest {
+            passes.push(pass(&passes, begun..far + 1, back));
+            (begun, far, best, back) = (far + 1, i, depth(i), !back);
+        }
+    }
+    if begun < depth_m.len() {
+        passes.push(pass(&passes, begun..depth_m.len(), back));
+    }
+    passes
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ pub mod alignment;
 mod collector;
 pub mod components;
 pub mod crossing;
+mod curve;
 pub mod ensemble;
 pub mod frozen;
 pub mod identifier;
@@ -23,7 +24,8 @@ pub mod verdict;
 mod watch;
 
 pub use collector::{Collector, Keep};
-pub use legs::{Legs, Pass};
+pub use curve::Curve;
+pub use legs::{Legs, Pass, passes};
 pub use metrics::{ForceMetrics, Latency};
 pub use regions::Depths;
 pub use session::{Finished, Session};
@@ -215,6 +217,8 @@ pub struct Run {
     pub instrument: Option<Instrument>,
     /// The scene as it was run (presets and `--set` merged), TOML as `scene show` prints it.
     pub scene_toml: String,
+    /// Number of readings of the load cell during the motion, if it is known.
+    pub force_readings: Option<usize>,
     /// Whether force and position were stamped by one clock.
     pub one_clock: bool,
     /// Intervals without recorded data during which the instrument may have moved, from and to, s of the recording.

@@ -14,6 +14,8 @@
 
 /// Number of depths of a curve.
 const BINS: usize = 128;
+/// Fewest depths of a curve, the surface included.
+const LEAST_DEPTHS: usize = 4;
 /// Half of the time over which the slope of the force is taken, s: long enough to suppress a displacement sensor's
 /// noise.
 const SLOPE_S: f64 = 0.05;
@@ -41,7 +43,8 @@ impl Curve {
         let filled = (1..=BINS).filter(|&b| counts[b] > 0.0);
         let known: Vec<(f64, f64)> =
             std::iter::once((0.0, 0.0)).chain(filled.map(|b| (places[b] / counts[b], sums[b] / counts[b]))).collect();
-        (known.len() > BINS / 8).then(|| Self { bin_m, force_n: (0..=BINS).map(|b| line(&known, b as f64)).collect() })
+        (known.len() >= LEAST_DEPTHS)
+            .then(|| Self { bin_m, force_n: (0..=BINS).map(|b| line(&known, b as f64)).collect() })
     }
 
     /// The same from changes of the force with the depth alone, without the effect of lateral motion at constant
@@ -57,7 +60,7 @@ impl Curve {
         }
         let filled = (0..BINS).filter(|&b| squares[b] > 0.0);
         let slopes: Vec<(f64, f64)> = filled.map(|b| (b as f64, products[b] / squares[b])).collect();
-        if slopes.len() <= BINS / 8 {
+        if slopes.len() < LEAST_DEPTHS {
             return None;
         }
         let mut force_n = vec![0.0];

@@ -26,6 +26,9 @@ pub struct Rows {
     pub zero_n: f64,
     /// Whether force and position were stamped by one clock. Then no offset between them is estimated.
     pub one_clock: bool,
+    /// Number of readings of the load cell between which the measured forces are interpolated; `None`: as many as
+    /// there are rows, or more.
+    pub readings: Option<usize>,
     /// How many of the load cell's drift and zero are known. An alignment does not estimate these.
     pub known: usize,
 }
@@ -57,7 +60,11 @@ impl Rows {
         let kept: Vec<[f64; 4]> =
             run.answers.iter().zip(at_rest).filter(|(_, at_rest)| *at_rest).filter_map(|(a, _)| usable(a)).collect();
         let column = |k: usize| kept.iter().map(|row| row[k]).collect();
-        Self { one_clock: run.one_clock, ..Self::new(column(0), column(1), column(2), column(3)) }
+        Self {
+            one_clock: run.one_clock,
+            readings: run.force_readings,
+            ..Self::new(column(0), column(1), column(2), column(3))
+        }
     }
 
     /// From columns of equal length: times in s, depths in m, predicted and measured forces in N. The load cell's
@@ -70,7 +77,13 @@ impl Rows {
         rows
     }
 
-    /// Number of readings.
+    /// Share of the rows that are readings of their own; the others lie between two of them.
+    #[must_use]
+    pub fn own_share(&self) -> f64 {
+        self.readings.map_or(1.0, |readings| (readings as f64 / self.len().max(1) as f64).min(1.0))
+    }
+
+    /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.time_s.len()

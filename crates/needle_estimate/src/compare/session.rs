@@ -118,12 +118,14 @@ impl<'a> Session<'a> {
         twin.stop_on(cancel.flag());
         let mut readings = readings.into_iter().peekable();
         let (mut done, mut answered) = (0, Vec::new());
+        let (mut from_s, mut to_s) = (f64::INFINITY, f64::NEG_INFINITY);
         while let Some(reading) = readings.next() {
             if cancel.is_cancelled() {
                 collector.lost(format!("interrupted after {done} poses"));
                 break;
             }
             let pose = stamped(&twin, reading);
+            (from_s, to_s) = (from_s.min(reading.time_s), to_s.max(reading.time_s));
             let start = Instant::now();
             let result = twin.follow(pose);
             let latency_s = start.elapsed().as_secs_f64();
@@ -156,6 +158,7 @@ impl<'a> Session<'a> {
                 }
             }
         }
+        collector.read_forces(measured.map(|series| series.between(from_s, to_s)));
         let compared = collector.run().answers.iter().any(|answer| answer.measured_n.is_some());
         if measured.is_some_and(|series| !series.is_empty()) && !compared {
             collector.lost("nothing was compared: no force was measured at the time of an answered pose".to_owned());

@@ -141,6 +141,9 @@ impl Verdict {
     #[must_use]
     pub fn line(&self) -> String {
         let chi = self.reduced_chi_square.map_or_else(String::new, |c| format!(" (reduced chi-square {c:.2})"));
+        if self.too_little {
+            return "too little was measured to judge the model by".to_owned();
+        }
         format!("{}{chi}", self.explains.sentence())
     }
 }
@@ -227,7 +230,7 @@ fn too_few(rows: &Rows) -> String {
     if rows.deepest_m() <= 0.0 {
         return "the instrument stays above the sample: the force says nothing of the model".to_owned();
     }
-    let n = rows.loaded(LOADED).len();
+    let n = (rows.loaded(LOADED).len() as f64 * rows.own_share()).round();
     format!("{n} readings of the load cell under load say too little; {LEAST_READINGS} are needed")
 }
 
@@ -251,7 +254,9 @@ struct Blocks {
 impl Blocks {
     fn of(rows: &Rows) -> Option<Self> {
         let loaded = rows.loaded(LOADED);
-        if loaded.len() < LEAST_READINGS || rows.deepest_m() <= 0.0 {
+        // forces between two readings say nothing of their own
+        let own = rows.own_share();
+        if own * (loaded.len() as f64) < LEAST_READINGS as f64 || rows.deepest_m() <= 0.0 {
             return None;
         }
         let size = loaded.len().div_ceil(BLOCKS).max(LEAST_IN_BLOCK);
@@ -269,7 +274,7 @@ impl Blocks {
             depth_m: mean(g, &|i| rows.depth_m[i]),
             predicted_n: mean(g, &|i| rows.predicted_n[i]),
             residual_n: mean(g, &|i| rows.residual(i)),
-            variance: noise_n * noise_n / g.len() as f64 * (1.0 + alike) / (1.0 - alike),
+            variance: noise_n * noise_n / (own * g.len() as f64) * (1.0 + alike) / (1.0 - alike),
         };
         Some(Self {
             all: groups.iter().map(block).collect(),

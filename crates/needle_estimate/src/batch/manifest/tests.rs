@@ -25,3 +25,17 @@ fn numbers_that_mean_nothing_are_refused() {
     }
     assert!(read("[[recordings]]\nfile = \"a.csv\"\nrate_hz = 10.0\ntime_offset_s = -1.0\n").is_ok());
 }
+
+/// Labs keep one folder per sample with the same file names in each.
+#[test]
+fn equal_file_names_in_several_folders_are_told_apart() {
+    let names = |text: &str| -> Result<Vec<String>, String> {
+        let manifest = Manifest::from_text(Path::new("m.toml"), text, Some(Path::new("none")));
+        Ok(manifest.map_err(|e| e.to_string())?.recordings.into_iter().filter_map(|r| r.name).collect())
+    };
+    let recording = |file: &str, more: &str| format!("[[recordings]]\nfile = \"{file}\"\n{more}");
+    let two = recording("a/run1.csv", "") + &recording("b/run1.csv", "") + &recording("b/run2.csv", "");
+    assert_eq!(names(&two).unwrap(), ["a_run1", "b_run1", "run2"]);
+    let named = recording("a/run1.csv", "name = \"x\"\n") + &recording("b/run2.csv", "name = \"x\"\n");
+    assert!(names(&named).unwrap_err().contains("two recordings are called x"));
+}
