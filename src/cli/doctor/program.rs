@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_version_stands_in_the_library() {
-        let library = b"\0GNU C Library (Debian GLIBC 2.36-9) stable release version 2.36.\nCopyright";
+        let library = b"\0GNU C Library (Debian GLIBC 2.36-9) stable release version 2.36.\nFree software";
         assert_eq!(glibc_version(library).as_deref(), Some("2.36"));
         assert_eq!(glibc_version(b"musl"), None);
     }
