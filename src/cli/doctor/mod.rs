@@ -28,7 +28,7 @@ use super::{CliError, Outcome, print};
 
 /// Say whether this machine will do, and what to change: versions, processor, ROS environment, other nodes, ports
 ///
-/// Takes about five seconds. Runs a preset for one of them, and listens on the ROS domain for two. Changes nothing.
+/// Takes about four seconds. Runs a preset for one of them, and listens on the ROS domain for two. Changes nothing.
 /// Exit code 0: no problem (there may be notes); 3: something does not work.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
