@@ -123,6 +123,14 @@ pub enum CliError {
     /// A node that this program starts does not run.
     #[error("{0}")]
     Nodes(String),
+    /// What is for a report of a fault can't be written.
+    #[error("{}: can't be written ({source}); give another file with --bundle", .path.display())]
+    Bundle {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// stdout can't be written.
     #[error("stdout: {0}")]
     Stdout(io::Error),

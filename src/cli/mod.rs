@@ -8,6 +8,7 @@ mod calibrate;
 mod curves;
 #[cfg(feature = "ros")]
 mod demo;
+mod doctor;
 mod error;
 mod forecast;
 mod import;
@@ -18,6 +19,7 @@ mod members;
 mod nodes;
 mod options;
 mod output;
+mod processor;
 mod progress;
 mod recorded;
 mod replay;
@@ -43,8 +45,8 @@ use needle_core::scene::file as scene_file;
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \
-                          3 finished, but data was lost, the model diverged, its stability table does not hold, or it \
-                          does not explain the measurement.";
+                          3 finished, but data was lost, the model diverged, its stability table does not hold, it \
+                          does not explain the measurement, or `doctor` found a problem.";
 
 /// Digital twin of a needle-insertion test rig: predicts the load cell's force and the tissue's deformation.
 /// Without a sub-command it runs `demo`.
@@ -69,6 +71,7 @@ enum Command {
     Tune(tune::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
+    Doctor(doctor::Arguments),
     Completions(shell::CompletionArguments),
     Man(shell::ManArguments),
     #[cfg(feature = "ros")]
@@ -135,6 +138,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Tune(arguments)) => tune::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
         Some(Command::Bag(arguments)) => bag::run(arguments),
+        Some(Command::Doctor(arguments)) => doctor::run(&arguments),
         Some(Command::Completions(arguments)) => shell::completions(&arguments),
         Some(Command::Man(arguments)) => shell::man(&arguments),
         // without a sub-command the demo shows what the program does

@@ -32,6 +32,8 @@ fn pages() -> Vec<PathBuf> {
     let mut pages = vec![
         root().join("README.md"),
         root().join("SECURITY.md"),
+        root().join("CONTRIBUTING.md"),
+        root().join("CODE_OF_CONDUCT.md"),
         root().join("CHANGELOG.md"),
         root().join("fuzz/README.md"),
     ];
@@ -243,4 +245,34 @@ fn the_book_has_every_page_of_the_handbook() {
     let left_out: Vec<String> =
         names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md" && !entries.contains(name)).collect();
     assert!(left_out.is_empty(), "pages that docs/SUMMARY.md leaves out: {left_out:?}");
+}
+
+#[test]
+fn repository_and_address_are_those_of_the_manifest() {
+    let manifest = read(&root().join("Cargo.toml"));
+    let line = |key: &str| manifest.lines().find_map(|line| line.strip_prefix(key)).unwrap();
+    let repository = line("repository = ").trim_matches('"');
+    let address = line("authors = ").split(['<', '>']).nth(1).unwrap();
+    for (file, wanted) in [
+        ("CITATION.cff", &[repository, address][..]),
+        ("package.xml", &[address]),
+        ("CODE_OF_CONDUCT.md", &[address]),
+        (".github/ISSUE_TEMPLATE/config.yml", &[repository]),
+    ] {
+        let text = read(&root().join(file));
+        assert!(wanted.iter().all(|wanted| text.contains(wanted)), "{file}: `.ci/publisher` writes them everywhere");
+    }
+    let citation = read(&root().join("CITATION.cff"));
+    assert!(citation.contains(&format!("version: {}\n", env!("CARGO_PKG_VERSION"))), "the version of the citation");
+}
+
+#[test]
+fn the_paper_cites_what_its_bibliography_has() {
+    let (paper, bibliography) = ("docs/paper/paper.md", "docs/paper/paper.bib");
+    let [text, entries] = [paper, bibliography].map(|file| read(&root().join(file)));
+    let word = |rest: &str| rest.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap().to_owned();
+    let cited: BTreeSet<String> = text.split('@').skip(1).map(word).collect();
+    let keys = entries.lines().filter(|line| line.starts_with('@')).filter_map(|line| line.split_once('{'));
+    let listed: BTreeSet<String> = keys.map(|(_, key)| key.trim_end_matches(',').to_owned()).collect();
+    assert_eq!(cited, listed);
 }

@@ -10,6 +10,7 @@ mod crossings;
 mod demo;
 mod determinism;
 mod docs;
+mod doctor;
 mod ensemble;
 mod forecast;
 mod growth;

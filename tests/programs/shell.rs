@@ -26,6 +26,7 @@ fn bash_completes_what_the_program_knows() {
     };
     assert_eq!(offered("needle_twin sc", 1), "scene");
     assert_eq!(offered("needle_twin solve --thr", 2), "--threads");
+    assert_eq!(offered("needle_twin doc", 1), "doctor");
     for shell in ["zsh", "fish", "elvish", "powershell"] {
         assert!(needle_twin(&["completions", shell]).stdout.len() > 1000, "{shell}");
     }
@@ -41,6 +42,7 @@ fn there_is_a_manual_page_for_the_program_and_each_command() {
     assert!(page.contains(".TH needle_twin 1") && page.contains("Exit codes"), "{page}");
     let replay = fs::read_to_string(out.join("needle_twin-replay.1")).unwrap();
     assert!(replay.contains("position\\-unit"), "options are in the page of their command");
+    assert!(fs::read_to_string(out.join("needle_twin-doctor.1")).unwrap().contains("bundle"));
     let hidden = fs::read_dir(&out).unwrap().any(|e| e.unwrap().file_name().to_string_lossy().contains("twin-node"));
     assert!(!hidden, "what help hides has no page");
     // a file stands where the folder should be

@@ -34,6 +34,7 @@ mod services;
 mod session;
 pub mod signals;
 mod silence;
+pub mod survey;
 pub mod threads;
 mod throttle;
 mod uplink;

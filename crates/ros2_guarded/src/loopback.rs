@@ -16,6 +16,9 @@ use std::net::{Ipv4Addr, UdpSocket};
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};
 use socket2::{Domain, SockFilter, SockRef};
 
+/// What a system needs that refuses it.
+pub(super) const REMEDY: &str = "a container needs the capability SYS_PTRACE for it";
+
 /// Keeps the sockets that RustDDS opens from now on to this machine, before it reads or sends anything.
 ///
 /// # Errors

@@ -28,6 +28,7 @@ use super::obituary;
 use super::outflow::{Writer, publish_all};
 use super::prompt::Prompt;
 use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey};
+use super::survey;
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
 use super::wire::{Endpoint, Guid, Head, Kind, Plan, Role, caller, times, wall_nanos};
@@ -41,10 +42,16 @@ use crate::threads::{join, spawn};
 /// whose nodes come from this library calls it first of all in `main`: a node starts its own program a second time.
 #[must_use]
 pub fn serve(arguments: impl IntoIterator<Item = OsString>) -> Option<ExitCode> {
-    if arguments.into_iter().nth(1)? != ARGUMENT {
+    let mut arguments = arguments.into_iter().skip(1);
+    let first = arguments.next()?;
+    let done = if first == ARGUMENT {
+        run()
+    } else if first == survey::ARGUMENT {
+        survey::run(arguments)
+    } else {
         return None;
-    }
-    Some(match run() {
+    };
+    Some(match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {
             let _ = writeln!(io::stderr(), "middleware process: {reason}"); // nowhere left to say that it can't be said
@@ -97,7 +104,7 @@ fn outlive_the_node_briefly() {
 
 /// A limit on what the process may take, and no core of its memory on the disk.
 #[cfg(target_os = "linux")]
-fn limit(bytes: u64) -> io::Result<()> {
+pub(super) fn limit(bytes: u64) -> io::Result<()> {
     use rustix::process::{Resource, Rlimit, setrlimit};
     // What `ps` calls it, else `exe`: it is not worth an error.
     let _ = std::fs::write("/proc/self/comm", "middleware");
@@ -108,7 +115,7 @@ fn limit(bytes: u64) -> io::Result<()> {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn limit(_bytes: u64) -> io::Result<()> {
+pub(super) fn limit(_bytes: u64) -> io::Result<()> {
     Ok(())
 }
 
@@ -285,9 +292,9 @@ fn say_open(error: &io::Error, uplink: &Uplink) {
     uplink.log(
         log::Level::Warn,
         &format!(
-            "sockets can't be kept to this machine ({error}; a container needs the capability SYS_PTRACE for it): programs that use a \
-             network card do not find this node, and packets that other machines send to this machine's RTPS ports are read; keep \
-             them out with a firewall"
+            "sockets can't be kept to this machine ({error}; {}): programs that use a network card do not find this node, and packets \
+             that other machines send to this machine's RTPS ports are read; keep them out with a firewall",
+            loopback::REMEDY
         ),
     );
 }

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::cli::options::ThreadOptions;
 use crate::cli::output::OutputFolder;
 use crate::cli::progress::Progress;
-use crate::cli::{CliError, Outcome, print};
+use crate::cli::{CliError, Outcome, print, processor};
 use needle_estimate::compare::Watch as _;
 use needle_studies::bounds::Bounds;
 use needle_studies::{contention, speed};
@@ -34,7 +34,7 @@ impl Speed {
         let bounds = Bounds::measure();
         print(&format!(
             "{}, {most} threads at most; one thread reads {:.1} GB/s and computes {:.1} Gflop/s in single precision\n",
-            processor(),
+            processor::name(),
             1e-9 * bounds.bytes_per_s,
             1e-9 * bounds.flops
         ))?;
@@ -70,17 +70,10 @@ impl Speed {
             said?;
         }
         if let Some(folder) = folder {
-            for path in needle_report::write_speed(&folder.path, &processor(), bounds, &rows)? {
+            for path in needle_report::write_speed(&folder.path, &processor::name(), bounds, &rows)? {
                 print(&format!("{}\n", path.display()))?;
             }
         }
         Ok(if progress.cancel().is_cancelled() { Outcome::Lossy } else { Outcome::Complete })
     }
-}
-
-/// Name of the processor, as far as the system says.
-fn processor() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
 }

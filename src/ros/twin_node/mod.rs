@@ -68,6 +68,9 @@ use needle_estimate::compare::ensemble::{self, EnsembleError, Member, Size};
 use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, join_before, spawn};
+use ros2_messages::RosMessage as _;
+use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
 use ros2_node::arguments::ParameterOverride;
 use ros2_node::clock::NodeClock;
 use ros2_node::parameters::Parameters;
@@ -96,6 +99,36 @@ struct Cli {
     /// Name of a preset or path of a scene file (also the parameter `scene`).
     #[arg(long)]
     scene: Option<String>,
+}
+
+/// A port that the node takes where a parameter asks for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Port {
+    /// What is served there.
+    pub serves: &'static str,
+    /// Parameter that names another one.
+    pub parameter: &'static str,
+    /// The one without the parameter.
+    pub usual: u16,
+}
+
+/// The ports of the live page and of OpenIGTLink.
+#[must_use]
+pub fn ports() -> [Port; 2] {
+    [("the live page", declared::PAGE_PORT), ("OpenIGTLink", declared::OPENIGTLINK_PORT)].map(|(serves, parameter)| {
+        Port { serves, parameter: parameter.name(), usual: u16::try_from(parameter.default()).unwrap_or(0) }
+    })
+}
+
+/// The topics that the node reads, by the names that it has for them, with their types as ROS says them.
+#[must_use]
+pub fn input_topics() -> [(&'static str, &'static str); 4] {
+    [
+        ("measured_js", JointState::TYPE),
+        ("measured_cp", PoseStamped::TYPE),
+        ("measured_cf", WrenchStamped::TYPE),
+        ("measured_targets", PoseArray::TYPE),
+    ]
 }
 
 /// Runs the node until SIGINT or SIGTERM and returns the program's exit code. `arguments` does not include the

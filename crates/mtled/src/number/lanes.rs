@@ -271,6 +271,16 @@ pub(super) fn sum_and_clear_avx2(lanes: &mut [[Lanes<f32>; 3]], sums: &mut [[f32
     }
 }
 
+/// The vector instructions that [`run`] takes on this processor; none where its loops stay as they were built.
+#[must_use]
+pub fn instructions() -> Option<&'static str> {
+    #[cfg(target_arch = "x86_64")]
+    if has_avx2() {
+        return Some("AVX2 and FMA");
+    }
+    None
+}
+
 /// Whether [`run`] finds vectors of eight here. The library caches the answer.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
