@@ -1,5 +1,6 @@
 //! `needle_twin batch`: many recordings, in shards that can run anywhere and again.
 
+use needle_estimate::baseline::Against;
 use needle_estimate::compare::Cancel;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -292,6 +293,11 @@ fn summary(merged: &Merged, out: &Path) -> String {
     let _ = writeln!(text, "{all} recordings, {failed} failed, {missing} without a row"); // a String takes anything
     for group in &merged.groups {
         let _ = writeln!(text, "{}", line(group));
+    }
+    let [better, as_good, worse] =
+        [Against::Better, Against::AsGood, Against::Worse].map(|against| merged.standing(against));
+    if better + as_good + worse > 0 {
+        let _ = writeln!(text, "than the best baseline: better in {better}, as good in {as_good}, worse in {worse}");
     }
     let _ = writeln!(text, "{}: report.html, table.csv, candidates.csv, batch.json", out.display());
     text

@@ -270,7 +270,7 @@ fn summary(all: &[Forecasted], files: &[PathBuf]) -> String {
         if let Some(standing) = &judged.standing {
             let share = |n: f64| if judged.peak_n > 0.0 { 100.0 * n / judged.peak_n } else { 0.0 };
             let models: Vec<String> = std::iter::once(("twin", standing.twin_rmse_n))
-                .chain(standing.baselines.iter().map(|b| (b.name, b.rmse_n)))
+                .chain(standing.baselines.iter().map(|b| (b.name.as_str(), b.rmse_n)))
                 .map(|(name, rmse)| format!("{name} {:.1} %", share(rmse)))
                 .collect();
             lines.push((

@@ -20,6 +20,7 @@
 //! is left out.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 use crate::calibrate::{Calibration, rmse};
 use crate::compare::rows::Rows;
@@ -322,16 +323,16 @@ impl Against {
 }
 
 /// The error of one baseline.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     /// Name of the formula.
-    pub name: &'static str,
+    pub name: String,
     /// Root mean square of its force - measured over the predicted readings, N.
     pub rmse_n: f64,
 }
 
 /// Errors of a twin and of the baselines over the same readings.
-#[derive(Clone, Debug, PartialEq, Default)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Standing {
     /// What the baselines were fitted to, in words.
     pub fitted_to: String,
@@ -356,7 +357,10 @@ impl Standing {
             predicted: true,
             readings: readings.len(),
             twin_rmse_n: error(twin_n),
-            baselines: forecasts.iter().map(|f| Baseline { name: f.name, rmse_n: error(&f.force_n) }).collect(),
+            baselines: forecasts
+                .iter()
+                .map(|f| Baseline { name: f.name.to_owned(), rmse_n: error(&f.force_n) })
+                .collect(),
         })
     }
 

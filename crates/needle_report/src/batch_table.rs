@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::files::{self, Rendered};
 use super::{ReportError, batch_page::batch_html};
+use needle_estimate::baseline::{Against, Standing};
 use needle_estimate::batch::{Fit, HeldOut, Merged, ROWS, Row, SAMPLES, SampleRow, sealed};
 
 /// Writes the row of one recording, completely or not at all.
@@ -62,6 +63,11 @@ pub fn batch_json(merged: &Merged) -> String {
         "failed": merged.failed(),
         "missing": merged.missing,
         "explained": { "yes": count("yes"), "in part": count("in part"), "no": count("no") },
+        "against_baselines": {
+            "better": merged.standing(Against::Better),
+            "as good": merged.standing(Against::AsGood),
+            "worse": merged.standing(Against::Worse),
+        },
         "groups": merged.groups,
         "samples": merged.samples,
     });
@@ -93,6 +99,9 @@ fn table(merged: &Merged, all: bool) -> String {
         "end_measured_n",
         "end_predicted_n",
         "end_error",
+        "against_baselines",
+        "best_baseline",
+        "best_baseline_rmse_n",
     ];
     let of_keys = keys.iter().flat_map(|k| [(*k).to_owned(), format!("{k}_standard_error")]);
     let header = fixed.iter().map(|s| (*s).to_owned()).chain(of_keys);
@@ -125,6 +134,10 @@ fn line(row: &Row, fit: Option<&Fit>, keys: &[&str]) -> Vec<String> {
         [held.map(|h| h.end_depth_m), held.map(|h| h.end_measured_n), held.map(|h| h.end_predicted_n)].map(number),
     );
     cells.push(number(held.map(HeldOut::end_error)));
+    let standing = fit.and_then(|f| f.standing.as_ref());
+    let best = standing.and_then(Standing::best);
+    cells.push(standing.map_or_else(String::new, |s| s.against().as_str().to_owned()));
+    cells.extend([best.map_or_else(String::new, |b| b.name.clone()), number(best.map(|b| b.rmse_n))]);
     for key in keys {
         let found = fit.and_then(|f| f.keys.iter().find(|k| k.key == *key));
         cells.extend([found.map(|k| k.value), found.and_then(|k| k.standard_error)].map(number));

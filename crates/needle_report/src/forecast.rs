@@ -95,7 +95,7 @@ fn errors(all: &[Forecasted]) -> Vec<(&str, Vec<f64>)> {
             let error = baseline.rmse_n / judged.peak_n;
             match errors.iter_mut().find(|(name, _)| *name == baseline.name) {
                 Some((_, list)) => list.push(error),
-                None => errors.push((baseline.name, vec![error])),
+                None => errors.push((&baseline.name, vec![error])),
             }
         }
     }
@@ -238,7 +238,7 @@ fn csv(all: &[Forecasted]) -> String {
 fn plot(one: &Forecasted, prediction: &Prediction, judged: &Judged) -> Picture {
     let mut picture = Picture::new(WIDTH, HEIGHT);
     let standing = judged.standing.as_ref();
-    let best = standing.and_then(|s| s.best()).map(|b| b.name);
+    let best = standing.and_then(|s| s.best()).map(|b| b.name.as_str());
     let best = best.and_then(|name| prediction.baselines.iter().find(|f| f.name == name));
     let (factor, unit) = if judged.peak_n < SMALL_N { (1e3, "mN") } else { (1.0, "N") };
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };

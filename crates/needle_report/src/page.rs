@@ -108,6 +108,7 @@ fn body(run: &Run, drawn: bool) -> String {
             &(without_scripts(line_plot::targets(run)) + &tables::targets(run)),
         );
     }
+    tables::baselines(&mut html, run);
     tables::stability(&mut html, run);
     settings(&mut html, run);
     footer(&mut html, run);

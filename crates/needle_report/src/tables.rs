@@ -125,6 +125,29 @@ fn card(html: &mut String, name: &str, figure: Option<String>, unit: &str, below
     );
 }
 
+/// Errors of the twin and of the baselines over the readings after half of the insertion; nothing if too little was
+/// measured.
+pub(super) fn baselines(html: &mut String, run: &Run) {
+    let Some(standing) = run.standing() else { return };
+    let force = Scale::of_force(run);
+    html.push_str(
+        "<section id=\"baselines\">\n<h2>Against simple formulas</h2>\n<div class=\"wide\"><table class=\"stack\">\n<thead><tr><th>Model</th>\
+         <th class=\"number\">Error</th></tr></thead>\n<tbody>\n",
+    );
+    let rows = std::iter::once(("twin", standing.twin_rmse_n));
+    for (name, rmse_n) in rows.chain(standing.baselines.iter().map(|b| (b.name.as_str(), b.rmse_n))) {
+        let error = significant(force.factor * rmse_n, 3);
+        let _ = writeln!(html, "<tr><th>{name}</th><td class=\"number\">{error} {}</td></tr>", force.unit);
+    }
+    let _ = writeln!(
+        html,
+        "</tbody></table></div>\n<p>Root mean square over the {} readings after half of the insertion. The formulas are fitted to {}; \
+         nothing of the twin is.</p>\n</section>",
+        standing.readings,
+        escaped(&standing.fitted_to)
+    );
+}
+
 /// The stability table: each figure with its bound.
 pub(super) fn stability(html: &mut String, run: &Run) {
     html.push_str(

@@ -27,6 +27,7 @@ pub(super) fn replayed(candidate: &Candidate, run: &Run) -> Fit {
         forward_error: None,
         runs: 1,
         held_out: None,
+        standing: run.standing(),
         curve: Curve::of(&rows.depth_m, &rows.measured_n, &rows.predicted_n),
     }
 }
@@ -84,6 +85,7 @@ pub(super) fn calibrated(candidate: &Candidate, found: &Calibration, readings: &
         forward_error: None,
         runs: found.runs,
         held_out,
+        standing: found.standing(),
         curve: Curve::of(&depth, &less_zero, &forces.model_n),
     }
 }

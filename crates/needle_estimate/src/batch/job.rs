@@ -126,6 +126,7 @@ impl<'a> Job<'a> {
             forward_error: None,
             runs: 0,
             held_out: None,
+            standing: None,
             curve: Curve::default(),
         })
     }

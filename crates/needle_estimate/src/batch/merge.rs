@@ -8,6 +8,7 @@ use xxhash_rust::xxh3::xxh3_128;
 
 use super::pool::{fit_of, pool};
 use super::{Fit, Group, Row, Sample, SampleRow};
+use crate::baseline::Against;
 
 /// Subfolder of the rows in the output folder.
 pub const ROWS: &str = "recordings";
@@ -72,6 +73,14 @@ impl Merged {
     pub fn chosen<'a>(&self, row: &'a Row) -> Option<&'a Fit> {
         let group = self.groups.iter().find(|group| group.name == row.group)?;
         fit_of(row, &group.candidate)
+    }
+
+    /// Number of recordings whose chosen model stands so against the best baseline.
+    #[must_use]
+    pub fn standing(&self, against: Against) -> usize {
+        let of =
+            |row: &&Row| self.chosen(row).and_then(|fit| fit.standing.as_ref()).is_some_and(|s| s.against() == against);
+        self.rows.iter().filter(of).count()
     }
 
     /// Number of recordings that failed.

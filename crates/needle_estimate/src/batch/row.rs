@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::baseline::Standing;
 use crate::compare::Curve;
 
 /// An identified key.
@@ -70,6 +71,9 @@ pub struct Fit {
     pub runs: u32,
     /// The held-out part, if any.
     pub held_out: Option<HeldOut>,
+    /// Errors of the baselines; over the held-out part if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standing: Option<Standing>,
     /// Measured and predicted force over the depth since contact.
     pub curve: Curve,
 }
