@@ -1,5 +1,5 @@
 //! `forecast`: the rest of a recording is predicted without having been read, and compared with simple formulas.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::fmt::Write as _;
 use std::fs;

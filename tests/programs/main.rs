@@ -20,6 +20,7 @@ mod layers;
 mod layers_found;
 mod live_page;
 mod markers;
+mod matrix;
 mod meshes;
 mod phantoms;
 mod python_module;

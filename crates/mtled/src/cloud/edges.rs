@@ -83,9 +83,23 @@ fn fill_line(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes, [a, b]: [Poi
         let (from, to) = (stretch[0].1, stretch[1].1);
         let curve = |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { from[k] + t * (to[k] - from[k]) });
         for t in equidistribute(domain, spacing, &curve, false, 1) {
-            nodes.push(curve(t), faces, true);
+            if !in_path(domain, spacing, curve(t)) {
+                nodes.push(curve(t), faces, true);
+            }
         }
     }
+}
+
+/// Whether a point is within the capture radius of a path, whose nodes are its own: a layer that is turned by half a
+/// pitch has none on the plane of symmetry but that of the axis.
+fn in_path(domain: &Domain, spacing: &Spacing, p: Point) -> bool {
+    spacing.features.iter().any(|feature| match *feature {
+        Feature::Path { axis, capture_radius, length, .. } => {
+            let depth = domain.height() - p[2];
+            depth <= length / axis.secant() && axis.distance(domain.height(), p) <= capture_radius
+        }
+        _ => false,
+    })
 }
 
 /// Distance from a line over its length below which a node lies on it.

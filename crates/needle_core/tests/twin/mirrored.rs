@@ -219,3 +219,21 @@ fn a_pose_out_of_the_plane_is_refused_and_one_within_it_is_followed() {
     println!("{:?} N, moved aside {:?} N", before.force_n, aside.force_n);
     assert!(aside.force_n[0] < before.force_n[0] - 0.002 && aside.force_n[1] == 0.0, "{:?}", aside.force_n);
 }
+
+/// Where a tilted path meets a layer's boundary, its nodes are its own: turned layers of the path were joined by nodes of
+/// the line in which boundary and plane of symmetry meet, and the scene was refused.
+#[test]
+fn a_tilted_path_through_layers_is_modelled_by_halves() {
+    for tilt in ["0.24", "0.26", "0.4"] {
+        for depth in ["0.002", "0.003", "0.0037"] {
+            let skin = SKIN.replace("0.002", depth);
+            let tilted = Scene::preset("needle_insertion").unwrap().to_toml() + &skin;
+            let change = |key: &str, value: &str| Override::text(key, value, "test");
+            let changes = [change("instrument.tilt_rad", tilt), change("discretisation.dimension", "mirrored")];
+            let scene = Scene::from_toml(&tilted, "layers").unwrap().with(&changes).unwrap();
+            if let Err(error) = Twin::new(&scene) {
+                panic!("tilt {tilt}, boundary at {depth} m: {error}");
+            }
+        }
+    }
+}
