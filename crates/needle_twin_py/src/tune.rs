@@ -1,6 +1,7 @@
 //! A scene that is as coarse as a tolerance allows and as fast as a stream of poses asks.
 
 use needle_studies::accuracy::StudyError;
+use needle_studies::progress::Progress;
 use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self as tuning, Goal};
 use pyo3::exceptions::PyValueError;
@@ -36,8 +37,11 @@ pub fn tune<'py>(
     let scene = scene::Scene { scene: scene::of(scene)? }.changed(changes)?.scene;
     let motion = scene.motion.ok_or_else(|| failed(StudyError::NoMotion(scene.name.clone())))?;
     let work = |cancel: &mut Cancel| -> Result<_, StudyError> {
-        let against = ReferenceSolution::of(&scene, motion.depth.get())?;
-        let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &mut |_| {}, cancel)?;
+        let progress = Progress::of(cancel);
+        let Some(against) = ReferenceSolution::of_force(&scene, motion.depth.get(), &progress)? else {
+            return Ok(None);
+        };
+        let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &progress)?;
         Ok(tuned.map(|tuned| (tuned, against.source)))
     };
     let found = detached(py, threads, work)?.map_err(failed)?;
