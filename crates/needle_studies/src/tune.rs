@@ -136,7 +136,7 @@ pub fn coarsest(
     let scene = goal.asked_of(scene)?;
     let mut search = Search::new(&scene, reference_solution, goal, progress);
     let own = Case::of(&scene)?;
-    let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
+    let Some([near, _]) = search.first_near(&own, false)? else { return Ok(None) };
     let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
     let Some(row) = case.and_then(|case| search.rows.iter().find(|row| row.case == case).cloned()) else {
         return Err(StudyError::Untuned(search.nearest()));
@@ -159,7 +159,7 @@ pub fn paced(
     goal: Goal,
     progress: &Progress,
 ) -> Result<Option<Tuned>, StudyError> {
-    let mut search = Search::new(scene, reference_solution, goal, progress);
+    let mut search = Search { corrected: true, ..Search::new(scene, reference_solution, goal, progress) };
     for (tried, steps) in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)).enumerate() {
         let case = Case { steps, ..case.clone() };
         let paced = with_pace(other, steps)?;
@@ -210,9 +210,8 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(scene: &'a Scene, reference_solution: &'a ReferenceSolution, goal: Goal, progress: &'a Progress) -> Self {
-        let corrected = scene.correction.is_some();
         let (rows, stable) = (Vec::new(), Vec::new());
-        Self { scene, reference_solution, goal, rows, stable, corrected, left: 0, progress }
+        Self { scene, reference_solution, goal, rows, stable, corrected: false, left: 0, progress }
     }
 
     /// Runs a case unless it has been run already; `None` if it was cancelled.
@@ -298,8 +297,9 @@ impl<'a> Search<'a> {
     }
 
     /// Runs clouds at the scene's own pace, coarse ones first, until one is accurate enough. Returns the factor on
-    /// the scene's spacings of that one, and of the next coarser one; `None` if it was cancelled.
-    fn first_near(&mut self, own: &Case) -> Result<Option<[Option<f64>; 2]>, StudyError> {
+    /// the scene's spacings of that one, and of the next coarser one; `None` if it was cancelled. Of the clouds with one
+    /// spacing, those after the first that is near are run if `every` is set: they have more nodes.
+    fn first_near(&mut self, own: &Case, every: bool) -> Result<Option<[Option<f64>; 2]>, StudyError> {
         let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
         let mut coarser = None;
         for (tried, &factor) in factors.iter().enumerate() {
@@ -315,6 +315,9 @@ impl<'a> Search<'a> {
                 let Some(row) = row else { return Ok(None) };
                 near |= self.goal.near(&row);
                 fits = true;
+                if near && !every {
+                    break;
+                }
             }
             if near {
                 return Ok(Some([Some(factor), coarser]));
@@ -330,7 +333,7 @@ impl<'a> Search<'a> {
 
     /// The whole search in one dimension; `None` if it was cancelled.
     fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
-        let Some([near, coarser]) = self.first_near(own)? else { return Ok(None) };
+        let Some([near, coarser]) = self.first_near(own, true)? else { return Ok(None) };
         self.left = 2 * variants(own).len() + 4 * FINALISTS;
         if self.few_steps(&own.dimension)?.is_none() {
             return Ok(None);

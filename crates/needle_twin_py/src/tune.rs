@@ -16,7 +16,7 @@ use needle_estimate::compare::Cancel;
 /// Finds the coarsest cloud and the fewest steps with which a scene meets a tolerance and a rate of poses on this machine.
 ///
 /// `tolerance`: largest relative error of the force, from a fifth of the scene's path on; `pose_hz`: poses per second that have to be answered.
-/// Takes minutes. Returns the scene, and a dict of what was measured: `max_force_error`, `cost_per_pose_s` (of processor time), `nodes`,
+/// Takes half a minute or more; Ctrl-C ends it, at the latest when the present cloud is built. Returns the scene, and a dict of what was measured: `max_force_error`, `cost_per_pose_s` (of processor time), `nodes`,
 /// `integration_points`, and `against` (what the force was compared with). Raises BuildError where no cloud meets both, naming the nearest.
 #[pyfunction]
 #[pyo3(signature = (scene, *, tolerance = 0.02, pose_hz = 1000.0, changes = None, threads = 0))]
