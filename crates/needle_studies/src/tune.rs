@@ -36,7 +36,7 @@ const FINALISTS: usize = 4;
 /// Largest share of the time between two poses for the mean pose; the rest is reserved for other load.
 const HEADROOM: f64 = 0.7;
 /// Factor on a processor time above which a run counts as dearer: two runs of one case differ by less.
-const DEARER: f64 = 1.3;
+const DEARER: f64 = 1.15;
 /// Largest share of the tolerance for a measured error.
 const MARGIN: f64 = 0.95;
 
