@@ -37,6 +37,8 @@ const FINALISTS: usize = 4;
 const HEADROOM: f64 = 0.7;
 /// Factor on a processor time above which a run counts as dearer: two runs of one case differ by less.
 const DEARER: f64 = 1.15;
+/// The same for the first part of a run, whose poses may cost more than the others.
+const DEARER_AT_FIRST: f64 = 1.5;
 /// Largest share of the tolerance for a measured error.
 const MARGIN: f64 = 0.95;
 
@@ -240,10 +242,14 @@ impl<'a> Search<'a> {
         if !self.rows.iter().any(|row| self.goal.near(row)) {
             return None;
         }
-        if self.is_too_dear(least_cost(case, driven.cost_s, driven.poses, driven.steps)) {
+        let from = COMPARED_FROM * self.reference_solution.depth_m() * (1.0 - 1e-9);
+        let depth_m = driven.path.last().map_or(0.0, |p| p.0);
+        let cost_s = least_cost(case, driven.cost_s, driven.poses, driven.steps);
+        // what the whole run costs even if the rest of it costs nothing
+        let least_s = cost_s * depth_m / self.reference_solution.depth_m();
+        if self.is_too_dear(least_s) || (depth_m >= from && self.is_too_dear(DEARER / DEARER_AT_FIRST * cost_s)) {
             return Some("it takes too long".to_owned());
         }
-        let from = COMPARED_FROM * self.reference_solution.depth_m() * (1.0 - 1e-9);
         let errors = self.reference_solution.force_errors(&driven.path, &driven.vectors);
         let off = errors.iter().filter(|(depth, _)| *depth >= from).map(|(_, e)| e.abs()).fold(0.0, f64::max);
         // with few steps it may be nearest in time, which is to be known until something is near and in time
