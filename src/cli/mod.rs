@@ -30,6 +30,7 @@ mod solve;
 mod study;
 mod summary;
 mod tune;
+mod tune_progress;
 
 use std::ffi::OsString;
 use std::io::{self, Write as _};

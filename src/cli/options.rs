@@ -9,7 +9,7 @@ use needle_core::scene::{Override, Scene};
 use needle_estimate::compare::Keep;
 
 /// Changes to a scene.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct SetOptions {
     /// Change a key of the scene by its dotted path, as in material.poisson_ratio=0.499 (may be repeated;
     /// `needle_twin scene show --keys` lists every key)
@@ -65,7 +65,7 @@ impl SeriesOptions {
 }
 
 /// How many threads step the tissue.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct ThreadOptions {
     /// Threads that step the tissue [default: one per core]; the results don't depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Run")]

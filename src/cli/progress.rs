@@ -18,7 +18,7 @@ const STRIDE: usize = 16;
 /// Time between two pictures.
 const REDRAW: Duration = Duration::from_millis(100);
 /// Time between two lines where there is no terminal; what ends before the first leaves stderr empty.
-const LINE: Duration = Duration::from_secs(5);
+pub(super) const LINE: Duration = Duration::from_secs(5);
 
 /// A progress bar that ends with Ctrl-C.
 pub(super) struct Progress {
@@ -206,8 +206,12 @@ fn two_figures(x: f64) -> String {
 
 /// Time that the poses which are left take if each takes as long as those so far.
 fn left(elapsed: Duration, done: usize, poses: usize) -> String {
-    let left_s = elapsed.as_secs_f64() / done.max(1) as f64 * poses.saturating_sub(done) as f64;
-    match left_s {
+    span(elapsed.as_secs_f64() / done.max(1) as f64 * poses.saturating_sub(done) as f64)
+}
+
+/// A time in s, min or h.
+pub(super) fn span(seconds: f64) -> String {
+    match seconds {
         s if s < 120.0 => format!("{s:.0} s"),
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.1} h", s / 3600.0),

@@ -2,26 +2,34 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 
 use super::interrupt::Interrupt;
 use super::options::{SetOptions, ThreadOptions};
-use super::progress::Progress;
+use super::tune_progress::{Shown, best_so_far};
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_core::scene::{Motion, Override, Scene, Seconds};
-use needle_estimate::compare::{Cancel, Keep, Run, Session};
+use needle_estimate::compare::{Keep, Run, Session};
 use needle_studies::accuracy::{self, Row, StudyError, largest_error};
 use needle_studies::correction::{self, Learnt};
+use needle_studies::progress::Progress;
 use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self, Goal, Tuned};
 
 /// How far off a cloud may be that is to be corrected, over the tolerance: what was left at depths between was 0.3 to 0.6 of it (docs/lab/performance.md).
 const TO_BE_CORRECTED: f64 = 4.0;
+/// Time between two looks at the search.
+const LOOK: Duration = Duration::from_millis(100);
+/// Time after a signal in which the search may still end by itself.
+const GRACE: Duration = Duration::from_millis(300);
 
 /// Find the coarsest cloud and the fewest steps that meet a tolerance and a rate of poses on this machine, and write
 /// them as a scene file
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(super) struct Arguments {
     /// Preset or scene file
     #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
@@ -72,38 +80,86 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    let interrupt = Interrupt::listen();
     let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?;
     let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
     let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
-    let found = arguments.threads.install(|| search(&scene, depth, goal, arguments))??;
-    let Some(Found { reference_solution, tuned, learnt }) = found else {
-        warn("interrupted: nothing is written");
-        return Ok(Outcome::Lossy);
+    let progress = Progress::of(interrupt.cancel());
+    let (tell, news) = channel();
+    let job = Job { scene, depth, goal, arguments: arguments.clone(), progress: progress.clone(), tell };
+    // A cloud that is being built hears no signal. So the search has a thread of its own, which the end of the process
+    // ends.
+    let thread = thread::spawn(move || job.work());
+    let mut shown = Shown::new(goal.tolerance);
+    let (mut known, mut learnt) = (None, None);
+    let mut ended_early = None;
+    let finished = loop {
+        let next = news.recv_timeout(LOOK);
+        shown.show(&progress.now());
+        match next {
+            Ok(News::Said(text)) => shown.say(&text),
+            Ok(News::Known(reference_solution)) => known = Some(*reference_solution),
+            Ok(News::Learnt(what)) => learnt = Some(*what),
+            Ok(News::Done(finished)) => break (*finished)?,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => match thread.join() {
+                Err(panic) => std::panic::resume_unwind(panic),
+                Ok(()) => break None,
+            },
+        }
+        if interrupt.cancel().is_cancelled() && ended_early.get_or_insert_with(Instant::now).elapsed() > GRACE {
+            break None;
+        }
     };
-    let text = written(&tuned, &reference_solution, goal, arguments, learnt.as_ref());
-    // what is shown is what the file says
-    let scene = scene_file::from_text(&text, &tuned.scene.name)?;
-    let run = arguments.threads.install(|| shown(&scene))??;
-    let mut proof = proof(&run, &reference_solution, goal);
-    if let Some(learnt) = &learnt {
-        proof.text += &(told(learnt, goal) + &told_of_targets(&tuned.row, goal));
-        proof.met &= learnt.left <= goal.tolerance && tuned.row.way_error.is_none_or(|error| error <= goal.tolerance);
+    shown.finish();
+    if let Some(Finished { text, proof }) = finished {
+        write(arguments, &text, &proof.text)?;
+        return Ok(if proof.met { Outcome::Complete } else { Outcome::Lossy });
     }
+    // before it is corrected, a cloud may be off by more than the tolerance
+    let within = |tuned: &Tuned| tuned.row.max_force_error().is_some_and(|error| error <= goal.tolerance);
+    let best = progress.now().best.filter(|tuned| learnt.is_some() || within(tuned));
+    match best.zip(known) {
+        None => warn("interrupted: nothing was found yet, so nothing is written"),
+        Some((tuned, known)) => {
+            let text = written(&tuned, &known, goal, arguments, learnt.as_ref());
+            let text = format!("# The search was interrupted: this is the best so far.\n{text}");
+            write(arguments, &text, &format!("interrupted: {}\n", best_so_far(&tuned)))?;
+        }
+    }
+    Ok(Outcome::Lossy)
+}
+
+/// Writes the scene into its file or to stdout, and says something about it.
+fn write(arguments: &Arguments, scene: &str, said: &str) -> Result<(), CliError> {
     match &arguments.out {
         Some(path) => {
-            needle_report::write_file(path, text.as_bytes())?;
-            print(&format!("{}\n{}", path.display(), proof.text))?;
+            needle_report::write_file(path, scene.as_bytes())?;
+            print(&format!("{}\n{said}", path.display()))
         }
         None => {
-            eprint(&proof.text);
-            print(&text)?;
+            eprint(said);
+            print(scene)
         }
     }
-    Ok(if proof.met { Outcome::Complete } else { Outcome::Lossy })
+}
+
+/// What the search says to those who wait.
+enum News {
+    Said(String),
+    Known(Box<ReferenceSolution>),
+    Learnt(Box<Learnt>),
+    Done(Box<Result<Option<Finished>, CliError>>),
+}
+
+/// The scene that was found, and what a run of it shows.
+struct Finished {
+    text: String,
+    proof: Proof,
 }
 
 fn rayon_threads(arguments: &Arguments) -> usize {
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = || thread::available_parallelism().map_or(1, usize::from);
     arguments.threads.threads.map_or_else(cores, usize::from)
 }
 
@@ -119,43 +175,112 @@ struct Found {
     learnt: Option<Learnt>,
 }
 
-fn search(scene: &Scene, depth: f64, goal: Goal, arguments: &Arguments) -> Result<Option<Found>, CliError> {
-    let interrupt = Interrupt::listen();
-    let cancel = interrupt.cancel();
-    if !arguments.cloud.is_empty() {
-        return correct(scene, depth, goal, &arguments.cloud, cancel);
-    }
-    let reference_solution = ReferenceSolution::of(scene, depth)?;
-    eprint(&format!("forces are held against {}\n{}", reference_solution.source, accuracy::heading()));
-    let mut seen = |row: &Row| eprint(&row.line());
-    if !arguments.correct {
-        let tuned = tune::tune(scene, &reference_solution, goal, &mut seen, cancel)?;
-        return Ok(tuned.map(|tuned| Found { reference_solution, tuned, learnt: None }));
-    }
-    let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
-    let Some(tuned) = tune::coarsest(scene, &reference_solution, wide, &mut seen, cancel)? else { return Ok(None) };
-    let Some(learnt) = learn(scene, &tuned.scene, depth, goal, cancel)? else { return Ok(None) };
-    let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
-    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, cancel)?;
-    Ok(paced.map(|tuned| Found { reference_solution, tuned, learnt: Some(learnt) }))
+/// A search, and those whom it tells.
+struct Job {
+    scene: Scene,
+    depth: f64,
+    goal: Goal,
+    arguments: Arguments,
+    progress: Progress,
+    tell: Sender<News>,
 }
 
-/// The scene with these keys, corrected, at its own pace.
-fn correct(scene: &Scene, depth: f64, goal: Goal, keys: &[String], cancel: &Cancel) -> Result<Option<Found>, CliError> {
-    let keys = keys.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
-    let cloud = Scene { name: format!("{}_tuned", scene.name), ..goal.asked_of(&scene.with(&keys)?)? };
-    let Some(learnt) = learn(scene, &cloud, depth, goal, cancel)? else { return Ok(None) };
-    let Some(row) = learnt.on_the_way(cancel)? else { return Ok(None) };
-    eprint(&(accuracy::heading() + &row.line()));
-    let tuned = Tuned { scene: learnt.scene.clone(), row };
-    Ok(Some(Found { reference_solution: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
-}
+impl Job {
+    fn work(&self) {
+        let finished = self.arguments.threads.install(|| self.finish()).flatten();
+        self.tell(News::Done(Box::new(finished)));
+    }
 
-fn learn(scene: &Scene, cloud: &Scene, depth: f64, goal: Goal, cancel: &Cancel) -> Result<Option<Learnt>, CliError> {
-    eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
-    let learnt = correction::learn(scene, cloud, depth, cancel)?;
-    learnt.iter().for_each(|learnt| eprint(&told(learnt, goal)));
-    Ok(learnt)
+    fn tell(&self, news: News) {
+        let _ = self.tell.send(news); // nobody listens any more once it was interrupted
+    }
+
+    fn said(&self, text: String) {
+        self.tell(News::Said(text));
+    }
+
+    fn known(&self, reference_solution: &ReferenceSolution) {
+        self.tell(News::Known(Box::new(reference_solution.clone())));
+    }
+
+    /// Searches, and runs the scene that will be written; `None` if it was interrupted.
+    fn finish(&self) -> Result<Option<Finished>, CliError> {
+        let goal = self.goal;
+        let Some(Found { reference_solution, tuned, learnt }) = self.search()? else { return Ok(None) };
+        let text = written(&tuned, &reference_solution, goal, &self.arguments, learnt.as_ref());
+        // what is shown is what the file says
+        let scene = scene_file::from_text(&text, &tuned.scene.name)?;
+        let Some(run) = self.run_of(&scene)? else { return Ok(None) };
+        let mut proof = proof(&run, &reference_solution, goal);
+        if let Some(learnt) = &learnt {
+            proof.text += &(told(learnt, goal) + &told_of_targets(&tuned.row, goal));
+            proof.met &=
+                learnt.left <= goal.tolerance && tuned.row.way_error.is_none_or(|error| error <= goal.tolerance);
+        }
+        Ok(Some(Finished { text, proof }))
+    }
+
+    fn search(&self) -> Result<Option<Found>, CliError> {
+        let Self { scene, depth, goal, arguments, progress, .. } = self;
+        if !arguments.cloud.is_empty() {
+            return self.correct();
+        }
+        let Some(reference_solution) = ReferenceSolution::of_force(scene, *depth, progress)? else { return Ok(None) };
+        self.known(&reference_solution);
+        self.said(format!("forces are held against {}\n{}", reference_solution.source, accuracy::heading()));
+        if !arguments.correct {
+            let tuned = tune::tune(scene, &reference_solution, *goal, progress)?;
+            return Ok(tuned.map(|tuned| Found { reference_solution, tuned, learnt: None }));
+        }
+        let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..*goal };
+        let Some(tuned) = tune::coarsest(scene, &reference_solution, wide, progress)? else { return Ok(None) };
+        let Some(learnt) = self.learn(&tuned.scene)? else { return Ok(None) };
+        let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
+        let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, *goal, progress)?;
+        Ok(paced.map(|tuned| Found { reference_solution, tuned, learnt: Some(learnt) }))
+    }
+
+    /// The scene with the keys of `--cloud`, corrected, at its own pace.
+    fn correct(&self) -> Result<Option<Found>, CliError> {
+        let Self { scene, goal, .. } = self;
+        let keys = self.arguments.cloud.iter().map(|text| Override::parse(text, "--cloud"));
+        let keys = keys.collect::<Result<Vec<_>, _>>()?;
+        let cloud = Scene { name: format!("{}_tuned", scene.name), ..goal.asked_of(&scene.with(&keys)?)? };
+        let Some(learnt) = self.learn(&cloud)? else { return Ok(None) };
+        self.known(&learnt.learnt_from);
+        self.said(accuracy::heading());
+        let Some(row) = learnt.on_the_way(&self.progress)? else { return Ok(None) };
+        let tuned = Tuned { scene: learnt.scene.clone(), row };
+        self.progress.best(Some(tuned.clone()));
+        Ok(Some(Found { reference_solution: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
+    }
+
+    fn learn(&self, cloud: &Scene) -> Result<Option<Learnt>, CliError> {
+        self.said(
+            "a finer cloud at rest along the path, for the correction, and once more for what is left of it\n"
+                .to_owned(),
+        );
+        let learnt = correction::learn(&self.scene, cloud, self.depth, &self.progress)?;
+        if let Some(learnt) = &learnt {
+            // what was best before is not corrected
+            self.progress.best(None);
+            self.tell(News::Learnt(Box::new(learnt.clone())));
+            self.said(told(learnt, self.goal));
+        }
+        Ok(learnt)
+    }
+
+    /// Runs the scene's insertion as `solve` does; `None` if it was interrupted.
+    fn run_of(&self, scene: &Scene) -> Result<Option<Run>, CliError> {
+        let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
+        let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..motion };
+        self.progress.begin("the scene that will be written", 0);
+        let session = Session::new(scene, "tune", Keep::ANSWERS)
+            .map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+        let mut watch = self.progress.poses(Session::motion(&motion).count());
+        let run = session.run(Session::motion(&motion), &mut watch).run;
+        Ok((!self.progress.cancel().is_cancelled()).then_some(run))
+    }
 }
 
 /// What is left after a correction in the run that it was not learnt from.
@@ -228,15 +353,6 @@ fn written(
 
 fn accuracy_percent(share: f64) -> String {
     format!("{:.4}", 100.0 * share).trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-/// Runs the scene's insertion as `solve` does.
-fn shown(scene: &Scene) -> Result<Run, CliError> {
-    let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
-    let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..motion };
-    let session = Session::new(scene, "tune", Keep::ANSWERS)
-        .map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    Ok(session.run(Session::motion(&motion), &mut Progress::silent()).run)
 }
 
 struct Proof {

@@ -3,7 +3,9 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use std::process::Output;
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, ChildStderr, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn run(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_needle_twin")).args(arguments).output().unwrap()
@@ -143,4 +145,97 @@ fn a_given_cloud_is_corrected_at_its_own_pace() {
         assert_eq!(done.status.code(), Some(2), "{wrong:?}");
         assert!(text(&done.stderr).contains(why), "{}", text(&done.stderr));
     }
+}
+
+/// Time in which the first line has to be there.
+const FIRST_LINE: Duration = Duration::from_secs(2);
+/// Time in which a signal has to end it: a second, and as much again for a machine that does other things too.
+const END: Duration = Duration::from_secs(2);
+
+/// A search that goes on, its stderr, and the first line there.
+fn begun(arguments: &[&str]) -> (Child, BufReader<ChildStderr>, String) {
+    let start = Instant::now();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut first = String::new();
+    stderr.read_line(&mut first).unwrap();
+    assert!(start.elapsed() < FIRST_LINE, "{:?}: {first}", start.elapsed());
+    (child, stderr, first)
+}
+
+/// Sends a signal; the exit code and the rest of stderr, where it ends in time.
+fn ended(mut child: Child, stderr: BufReader<ChildStderr>, signal: &str) -> (Option<i32>, String) {
+    let start = Instant::now();
+    let sent = std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let said: Vec<String> = stderr.lines().map_while(Result::ok).collect();
+    let code = child.wait().unwrap().code();
+    assert!(start.elapsed() < END, "{signal}: {:?}, {said:?}", start.elapsed());
+    (code, said.join("\n"))
+}
+
+#[test]
+fn a_signal_ends_it_at_any_moment_and_nothing_found_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("tuned.toml");
+    let scene = ["tune", "--scene", "needle_insertion", "--set", "instrument.tilt_rad=0.26"];
+    let more = ["--tolerance", "0.001", "--threads", "1", "--out", out.to_str().unwrap()];
+    // while the reference run's cloud is built, in that run, and later
+    for (after_s, signal, correct) in [
+        (0.3, "-TERM", &[][..]),
+        (2.0, "-INT", &["--correct"]),
+        (5.0, "-TERM", &[]),
+        (5.0, "-TERM", &["--correct", "--cloud", "discretisation.spacing_m=0.0035"]),
+        (12.0, "-INT", &[]),
+    ] {
+        let start = Instant::now();
+        let (child, stderr, first) = begun(&[&scene[..], &more, correct].concat());
+        std::thread::sleep(Duration::from_secs_f64(after_s).saturating_sub(start.elapsed()));
+        let (code, said) = ended(child, stderr, signal);
+        assert_eq!(code, Some(3), "{after_s} s: {first}{said}");
+        assert!(said.contains("interrupted: nothing was found yet, so nothing is written"), "{after_s} s: {said}");
+        assert!(!out.exists(), "{after_s} s");
+    }
+}
+
+#[test]
+fn a_signal_leaves_the_best_so_far() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("tuned.toml").display().to_string();
+    // a slow motion, so that much is left to try after the first row
+    let asked = ["tune", "--scene", "needle_insertion", "--set", "motion.speed_m_per_s=0.0002", "--out", &out];
+    let (mut child, mut stderr, _) = begun(&[&asked[..], &["--threads", "1"]].concat());
+    let mut line = String::new();
+    while !(line.starts_with("needle_insertion") && line.contains("mmls")) {
+        line.clear();
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "no row was measured");
+    }
+    let stdout = child.stdout.take().unwrap();
+    let (code, said) = ended(child, stderr, "-TERM");
+    let shown = std::io::read_to_string(stdout).unwrap();
+    assert_eq!(code, Some(3), "{said}{shown}");
+    assert!(shown.contains("interrupted: best so far: ") && shown.contains(" times real time"), "{shown}");
+    let written = std::fs::read_to_string(&out).unwrap();
+    assert!(written.starts_with("# The search was interrupted"), "{written}");
+    assert_eq!(run(&["scene", "check", &out]).status.code(), Some(0), "{written}");
+}
+
+#[test]
+fn what_is_tried_is_said_while_it_is() {
+    let asked = ["tune", "--scene", "needle_insertion", "--set", "instrument.tilt_rad=0.26", "--threads", "1"];
+    let (child, mut stderr, first) = begun(&asked);
+    assert!(first.starts_with("0 s: ") || first.starts_with("1 s: "), "{first}");
+    let mut line = String::new();
+    let start = Instant::now();
+    while !line.contains("reference run of the own model on a fine cloud") {
+        line.clear();
+        assert!(stderr.read_line(&mut line).unwrap() > 0 && start.elapsed() < Duration::from_secs(12), "{line}");
+    }
+    assert!(line.contains("run 1: ") && line.contains("nothing is within 2 % yet") && line.contains("left"), "{line}");
+    assert_eq!(ended(child, stderr, "-INT").0, Some(3));
 }

@@ -4,7 +4,8 @@
 //! The remaining error is measured in a held-out run with another deformation coefficient (needle) or another
 //! Poisson's ratio, at depths in between.
 
-use super::accuracy::{COMPARED_FROM, Case, Driven, Row, Steps, StudyError, drive};
+use super::accuracy::{COMPARED_FROM, Case, Driven, Row, Steps, StudyError, Watched, drive};
+use super::progress::Progress;
 use super::reference_solution::{self, ReferenceSolution};
 use super::tune::with_pace;
 use needle_core::scene::{Correction, Override, Scene};
@@ -24,6 +25,8 @@ const SMALL: f64 = 0.02;
 /// Change of the held-out run: factor on the deformation coefficient, or decrease of Poisson's ratio.
 const OTHER_COEFFICIENT: f64 = 0.75;
 const OTHER_RATIO: f64 = 0.01;
+/// Number of runs that may follow, for the pace.
+const PACED: usize = 10;
 
 /// A correction that was learnt.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,9 +63,9 @@ pub fn row(
         return case.run(scene, reference_solution, cancel);
     }
     let problem = reference_solution.watched(scene);
-    match learn(&problem, &case.scene(&problem)?, reference_solution.depth_m(), cancel) {
+    match learn(&problem, &case.scene(&problem)?, reference_solution.depth_m(), &Progress::of(cancel)) {
         Ok(None) => Ok(None),
-        Ok(Some(learnt)) => case.row_of(&learnt.scene, reference_solution, cancel),
+        Ok(Some(learnt)) => case.row_of(&learnt.scene, reference_solution, Watched::whole(&Progress::of(cancel))),
         Err(why @ (StudyError::Lost { .. } | StudyError::Untuned(_))) => {
             let ended = Some(format!("before it began: {why}"));
             Ok(Some(case.row(&problem, reference_solution, Driven { ended, ..Driven::default() })))
@@ -76,7 +79,7 @@ pub fn row(
 ///
 /// # Errors
 /// [`StudyError`] if a cloud can't be built, its run ends early, or it is too far from the finer one to be corrected.
-pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> Result<Option<Learnt>, StudyError> {
+pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, progress: &Progress) -> Result<Option<Learnt>, StudyError> {
     let dimension = coarse.dimension().dimension;
     let own = Case::of(problem)?.in_dimension(problem, dimension);
     let case = own.spaced(
@@ -94,8 +97,12 @@ pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> 
     }
     let plain = Scene { correction: None, ..coarse.clone() };
     let finer = case.scene(problem)?;
-    let run = |scene: &Scene| at_rest(scene, &depths, cancel);
-    let (Some(known), Some(found)) = (run(&finer)?, run(&plain)?) else { return Ok(None) };
+    let run = |scene: &Scene, what: &str, left| {
+        progress.begin(format!("{what} at rest along the path"), left + PACED);
+        at_rest(scene, &depths, progress)
+    };
+    let Some(known) = run(&finer, "the finer cloud", 4)? else { return Ok(None) };
+    let Some(found) = run(&plain, "the coarse cloud", 3)? else { return Ok(None) };
     let correction = Correction {
         learnt_from: format!("{} nodes, {} points", known.nodes, known.integration_points),
         ..correction(&plain, &depths, &found, &known)?
@@ -105,8 +112,13 @@ pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> 
     let learnt_from = ReferenceSolution::driven(&finer, &depths, known, source)?;
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
     let held_out = held_out(problem);
-    let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, cancel);
-    let (Some(known), Some(before), Some(found)) = (run(&finer)?, run(&plain)?, run(&scene)?) else { return Ok(None) };
+    let run = |scene: &Scene, what: &str, left| {
+        progress.begin(format!("{what} at rest with {} = {:.4}", held_out.0, held_out.1), left + PACED);
+        at_rest(&Learnt::other(held_out, scene)?, &between, progress)
+    };
+    let Some(known) = run(&finer, "the finer cloud", 2)? else { return Ok(None) };
+    let Some(before) = run(&plain, "the coarse cloud", 1)? else { return Ok(None) };
+    let Some(found) = run(&scene, "the corrected cloud", 0)? else { return Ok(None) };
     let [before, found] = [&before, &found].map(|found| errors(&plain, &between, found, &known));
     let names: Vec<&str> =
         std::iter::once("force").chain(plain.targets.iter().map(|target| target.name.as_str())).collect();
@@ -136,9 +148,12 @@ impl Learnt {
     ///
     /// # Errors
     /// As [`Case::run`].
-    pub fn on_the_way(&self, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
+    pub fn on_the_way(&self, progress: &Progress) -> Result<Option<Row>, StudyError> {
         let other = Self::other(self.held_out, &self.scene)?;
-        Case::of(&other)?.row_of(&other, &self.known, cancel)
+        progress.begin("the corrected cloud on the way", 1);
+        let row = Case::of(&other)?.row_of(&other, &self.known, Watched::whole(progress))?;
+        row.iter().for_each(|row| progress.measured(row));
+        Ok(row)
     }
 }
 
@@ -154,11 +169,11 @@ fn held_out(scene: &Scene) -> (&'static str, f64) {
 }
 
 /// Forces and targets of a scene in equilibrium at each depth; `None` if it was cancelled.
-fn at_rest(scene: &Scene, depths: &[f64], cancel: &Cancel) -> Result<Option<Driven>, StudyError> {
+fn at_rest(scene: &Scene, depths: &[f64], progress: &Progress) -> Result<Option<Driven>, StudyError> {
     let case = Case { steps: Steps::Rest, ..Case::of(scene)? };
     let keys = case.keys().into_iter().filter(|(path, _)| path.starts_with("stepping."));
     let keys: Vec<Override> = keys.map(|(path, value)| Override::text(path, &value, "tune")).collect();
-    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, cancel)?;
+    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, Watched::whole(progress))?;
     match driven.ended {
         _ if driven.stopped => Ok(None),
         Some(why) => Err(StudyError::Lost { scene: scene.name.clone(), why }),

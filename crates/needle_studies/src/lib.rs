@@ -3,7 +3,7 @@
 //! - [`accuracy`] compares many discretisations of a scene with a [`reference_solution`]: the finite elements of
 //!   [`mod@reference`] if there are any.
 //! - [`tune`] selects one of them for a tolerance and a rate of poses, and [`correction`] learns a correction of its
-//!   error.
+//!   error. [`progress`] says how far they are.
 //! - [`stability`] continues the indentation until each method fails.
 //! - [`verification`] compares the shipped presets and the [`composites`] with their targets.
 //! - [`matrix`] runs every instrument with every dimension, law and sample.
@@ -21,6 +21,7 @@ pub mod contention;
 pub mod correction;
 mod csv;
 pub mod matrix;
+pub mod progress;
 pub mod reference;
 pub mod reference_solution;
 pub mod sensitivity;

@@ -1,12 +1,12 @@
 //! Reference solution for the predictions of a scene: independent finite elements if there are any, and otherwise the
 //! scene's own model on a much finer cloud.
 
-use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError};
+use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError, Watched};
 use super::composites::{COMPOSITES, Composite, posed};
+use super::progress::Progress;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use super::tune::MOST_STEPS;
 use needle_core::scene::{Motion, Override, Preset, Scene, Target};
-use needle_estimate::compare::Cancel;
 
 /// Ratio of the fine cloud's spacing to the scene's, in a half plane.
 pub(super) const FINE: f64 = 0.5;
@@ -46,16 +46,20 @@ impl ReferenceSolution {
     /// # Errors
     /// [`StudyError`] if the scene has no motion, or can't be built and driven.
     pub fn of(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
-        let published = preset_of(scene).and_then(reference::force).and_then(|table| within(table, depth_m));
-        let indented = is_indentation_at_4mm(scene, depth_m);
-        let mut reference_solution = match (published, indented) {
-            (Some(force), true) => Self { force, ..Self::default() },
-            (Some(force), false) => Self { force, ..Self::own(scene, depth_m)? },
-            (None, _) => return Self::own(scene, depth_m),
+        let own = || {
+            // it is not cancelled, so there is one
+            let own = Self::own(scene, depth_m, &Progress::default())?;
+            own.ok_or_else(|| StudyError::NoYardstick(scene.name.clone()))
         };
-        reference_solution.source = "independent finite elements".to_owned();
-        reference_solution.uncertainty = preset_of(scene).and_then(|preset| reference::uncertainty(preset, depth_m));
-        if indented && let Some(height) = scene.sample.shape.height() {
+        let Some(published) = Self::published(scene, depth_m) else { return own() };
+        let mut reference_solution = if is_indentation_at_4mm(scene, depth_m) {
+            published
+        } else {
+            Self { force: published.force, source: published.source, uncertainty: published.uncertainty, ..own()? }
+        };
+        if is_indentation_at_4mm(scene, depth_m)
+            && let Some(height) = scene.sample.shape.height()
+        {
             reference_solution.displaced =
                 reference::targets(height.get()).into_iter().zip(reference::displaced(height.get())).collect();
             reference_solution.displacement_source = reference_solution.source.clone();
@@ -63,8 +67,29 @@ impl ReferenceSolution {
         Ok(reference_solution)
     }
 
+    /// The same for forces alone: where there are independent finite elements, the own model is not run. `None` if it
+    /// was cancelled.
+    ///
+    /// # Errors
+    /// As [`ReferenceSolution::of`].
+    pub fn of_force(scene: &Scene, depth_m: f64, progress: &Progress) -> Result<Option<Self>, StudyError> {
+        let published = Self::published(scene, depth_m);
+        published.map_or_else(|| Self::own(scene, depth_m, progress), |published| Ok(Some(published)))
+    }
+
+    /// The forces of independent finite elements, if they contain the scene.
+    fn published(scene: &Scene, depth_m: f64) -> Option<Self> {
+        let preset = preset_of(scene)?;
+        Some(Self {
+            force: within(reference::force(preset)?, depth_m)?,
+            source: "independent finite elements".to_owned(),
+            uncertainty: reference::uncertainty(preset, depth_m),
+            ..Self::default()
+        })
+    }
+
     /// The scene's own model: half of the spacing, double precision, at least four steps per pose.
-    fn own(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
+    fn own(scene: &Scene, depth_m: f64, progress: &Progress) -> Result<Option<Self>, StudyError> {
         let own = Case::of(scene)?;
         let mut case = own.spaced(scene, if own.is_half_plane() { FINE } else { FINE_IN_SPACE });
         "f64".clone_into(&mut case.precision);
@@ -76,9 +101,13 @@ impl ReferenceSolution {
             scene.targets = probes(&scene);
         }
         let depths: Vec<f64> = (1..=DEPTHS).map(|k| depth_m * f64::from(k) / f64::from(DEPTHS)).collect();
-        let driven = super::accuracy::drive(&scene, &case, &depths, &Cancel::default())?;
+        progress.begin("reference run of the own model on a fine cloud", 0);
+        let driven = super::accuracy::drive(&scene, &case, &depths, Watched::whole(progress))?;
+        if driven.stopped {
+            return Ok(None);
+        }
         let source = format!("the own model, {} nodes, double precision", driven.nodes);
-        Ok(Self { places: Vec::new(), ..Self::driven(&scene, &depths, driven, source)? })
+        Ok(Some(Self { places: Vec::new(), ..Self::driven(&scene, &depths, driven, source)? }))
     }
 
     /// The reference solution from a run of a scene to equilibrium at some depths (m).
@@ -273,7 +302,7 @@ mod tests {
             {
                 scene.set(key, value).unwrap();
             }
-            ReferenceSolution::own(&scene, 0.001).unwrap().vectors
+            ReferenceSolution::own(&scene, 0.001, &Progress::default()).unwrap().unwrap().vectors
         };
         assert!(leaning("0.0").is_empty());
         let all = leaning("0.3");

@@ -1,6 +1,7 @@
 //! A scene that is as coarse as a tolerance allows and as fast as a stream of poses asks.
 
 use needle_studies::accuracy::StudyError;
+use needle_studies::progress::Progress;
 use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self as tuning, Goal};
 use pyo3::exceptions::PyValueError;
@@ -15,7 +16,7 @@ use needle_estimate::compare::Cancel;
 /// Finds the coarsest cloud and the fewest steps with which a scene meets a tolerance and a rate of poses on this machine.
 ///
 /// `tolerance`: largest relative error of the force, from a fifth of the scene's path on; `pose_hz`: poses per second that have to be answered.
-/// Takes minutes. Returns the scene, and a dict of what was measured: `max_force_error`, `cost_per_pose_s` (of processor time), `nodes`,
+/// Takes half a minute or more; Ctrl-C ends it, at the latest when the present cloud is built. Returns the scene, and a dict of what was measured: `max_force_error`, `cost_per_pose_s` (of processor time), `nodes`,
 /// `integration_points`, and `against` (what the force was compared with). Raises BuildError where no cloud meets both, naming the nearest.
 #[pyfunction]
 #[pyo3(signature = (scene, *, tolerance = 0.02, pose_hz = 1000.0, changes = None, threads = 0))]
@@ -36,8 +37,11 @@ pub fn tune<'py>(
     let scene = scene::Scene { scene: scene::of(scene)? }.changed(changes)?.scene;
     let motion = scene.motion.ok_or_else(|| failed(StudyError::NoMotion(scene.name.clone())))?;
     let work = |cancel: &mut Cancel| -> Result<_, StudyError> {
-        let against = ReferenceSolution::of(&scene, motion.depth.get())?;
-        let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &mut |_| {}, cancel)?;
+        let progress = Progress::of(cancel);
+        let Some(against) = ReferenceSolution::of_force(&scene, motion.depth.get(), &progress)? else {
+            return Ok(None);
+        };
+        let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &progress)?;
         Ok(tuned.map(|tuned| (tuned, against.source)))
     };
     let found = detached(py, threads, work)?.map_err(failed)?;

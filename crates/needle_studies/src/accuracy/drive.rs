@@ -1,10 +1,10 @@
 //! Runs a scene for the study: poses in, forces out. The processor time of one thread is measured.
 
 use super::super::clock::ThreadClock;
+use super::super::progress::Progress;
 use super::{Case, Steps, StudyError};
 use needle_core::scene::{Motion, Scene, Seconds};
 use needle_core::twin::{BuildError, Halt, StampedPose, Twin};
-use needle_estimate::compare::Cancel;
 
 /// A run shorter than this is repeated, and the smallest cost is used, s.
 const LONG_ENOUGH_S: f64 = 0.5;
@@ -46,12 +46,27 @@ pub(crate) struct Driven {
     pub stopped: bool,
 }
 
+/// Who observes a run, and what ends it before its depth.
+#[derive(Clone, Copy)]
+pub(crate) struct Watched<'a> {
+    pub progress: &'a Progress,
+    /// Asked at each compared depth of a moving run: the reason for which the rest of it is of no use.
+    pub useless: &'a dyn Fn(&Driven) -> Option<String>,
+}
+
+impl<'a> Watched<'a> {
+    /// A run to its end.
+    pub fn whole(progress: &'a Progress) -> Self {
+        Self { progress, useless: &|_| None }
+    }
+}
+
 /// Builds a scene's twin on the present rayon pool and drives it to the last of the given depths (m) as the case
 /// specifies.
 ///
 /// # Errors
 /// [`StudyError::NoMotion`]. A twin that can't be built or diverges is a result, not an error.
-pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], cancel: &Cancel) -> Result<Driven, StudyError> {
+pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], watch: Watched) -> Result<Driven, StudyError> {
     let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
     let mut twin = match Twin::new(scene) {
         Ok(twin) => twin,
@@ -60,16 +75,18 @@ pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], cancel: &Cancel)
         }
         Err(e) => return Err(e.into()),
     };
+    twin.stop_on(watch.progress.cancel().flag());
     let mut best: Option<Driven> = None;
+    let deepest_m = depths.last().copied().unwrap_or(0.0);
     let mut spent = 0.0;
     for _ in 0..REPEATS {
         twin.reset();
         let driven = Driven { min_jacobian: 1.0, ..Driven::default() };
-        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], cancel };
+        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], deepest_m, watch };
         let clock = ThreadClock::start();
         let end = match case.steps {
             Steps::Rest => run.rest_at_each(depths),
-            Steps::Auto | Steps::Fixed(_) => run.move_through(&motion, depths),
+            Steps::Auto | Steps::Fixed(_) => run.move_through(&motion, depths, &clock),
         };
         let cost_s = clock.seconds();
         let driven = Driven { cost_s, ..run.finish(end) };
@@ -98,21 +115,29 @@ struct Run<'a> {
     driven: Driven,
     /// Force of the last pose, N.
     force_n: [f64; 3],
-    cancel: &'a Cancel,
+    /// The last depth, m.
+    deepest_m: f64,
+    watch: Watched<'a>,
 }
 
 impl Run<'_> {
     /// The insertion of the scene's own motion, to the last depth.
-    fn move_through(&mut self, motion: &Motion, depths: &[f64]) -> Result<(), End> {
-        let deepest = depths.last().copied().unwrap_or(0.0);
+    fn move_through(&mut self, motion: &Motion, depths: &[f64], clock: &ThreadClock) -> Result<(), End> {
         let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..*motion };
         for (time_s, depth) in motion.poses() {
             self.pose(time_s, depth)?;
             self.note(depth);
+            let before = self.driven.at_depths.len();
             while depths.get(self.driven.at_depths.len()).is_some_and(|next| depth >= next * (1.0 - 1e-9)) {
                 self.note_targets();
             }
-            if depth >= deepest * (1.0 - 1e-9) {
+            if self.driven.at_depths.len() > before {
+                (self.driven.cost_s, self.driven.steps) = (clock.seconds(), self.twin.steps());
+                if let Some(why) = (self.watch.useless)(&self.driven) {
+                    return Err(End::Lost(format!("at {:.2} mm: {why}", 1e3 * depth)));
+                }
+            }
+            if depth >= self.deepest_m * (1.0 - 1e-9) {
                 break;
             }
         }
@@ -159,16 +184,20 @@ impl Run<'_> {
 
     /// Answers one pose; returns the number of its steps.
     fn pose(&mut self, time_s: f64, depth_m: f64) -> Result<u32, End> {
-        if self.cancel.is_cancelled() {
+        if self.watch.progress.cancel().is_cancelled() {
             return Err(End::Stopped);
         }
         let pose = self.twin.pose_at_depth(depth_m);
-        let lost = |halt: Halt| End::Lost(format!("at {:.2} mm: {halt}", 1e3 * depth_m));
+        let lost = |halt: Halt| match halt {
+            Halt::Interrupted => End::Stopped,
+            halt => End::Lost(format!("at {:.2} mm: {halt}", 1e3 * depth_m)),
+        };
         let answer = self.twin.step(StampedPose { time_s, pose }).map_err(lost)?;
         self.driven.poses += 1;
         self.driven.simulated_s = time_s;
         self.driven.min_jacobian = self.driven.min_jacobian.min(answer.health.min_jacobian);
         self.force_n = answer.force_n;
+        self.watch.progress.share(depth_m / self.deepest_m);
         Ok(answer.steps)
     }
 

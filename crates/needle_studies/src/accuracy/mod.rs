@@ -22,9 +22,10 @@ pub use record::csv;
 pub use row::{Row, heading, largest_error};
 pub use table::{Table, merge, read};
 
-pub(super) use drive::{Driven, drive};
+pub(super) use drive::{Driven, Watched, drive};
 pub(super) use row::COMPARED_FROM;
 
+use super::progress::Progress;
 use super::reference_solution::ReferenceSolution;
 use needle_core::scene::{Scene, SceneError};
 use needle_core::twin::BuildError;
@@ -88,7 +89,11 @@ impl Case {
         reference_solution: &ReferenceSolution,
         cancel: &Cancel,
     ) -> Result<Option<Row>, StudyError> {
-        self.row_of(&reference_solution.watched(&self.scene(scene)?), reference_solution, cancel)
+        self.row_of(
+            &reference_solution.watched(&self.scene(scene)?),
+            reference_solution,
+            Watched::whole(&Progress::of(cancel)),
+        )
     }
 
     /// The row of a scene that already has the case's keys.
@@ -99,10 +104,10 @@ impl Case {
         &self,
         scene: &Scene,
         reference_solution: &ReferenceSolution,
-        cancel: &Cancel,
+        watch: Watched,
     ) -> Result<Option<Row>, StudyError> {
         let depths: Vec<f64> = reference_solution.force.iter().map(|p| p.0).collect();
-        let driven = drive(scene, self, &depths, cancel)?;
+        let driven = drive(scene, self, &depths, watch)?;
         Ok((!driven.stopped).then(|| self.row(scene, reference_solution, driven)))
     }
 

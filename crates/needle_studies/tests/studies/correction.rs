@@ -2,12 +2,12 @@
 //! refused where it does not belong.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_estimate::compare::Cancel;
 use std::sync::LazyLock;
 
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{Prediction, StampedPose, Twin};
 use needle_studies::correction::{Learnt, learn};
+use needle_studies::progress::Progress;
 use testkit::coarse::alone;
 
 const PROBLEM: [(&str, &str); 6] = [
@@ -37,7 +37,7 @@ fn problem() -> Scene {
 }
 
 static LEARNT: LazyLock<Learnt> =
-    LazyLock::new(|| learn(&problem(), &with(&problem(), &COARSE), 0.003, &Cancel::default()).unwrap().unwrap());
+    LazyLock::new(|| learn(&problem(), &with(&problem(), &COARSE), 0.003, &Progress::default()).unwrap().unwrap());
 
 /// Force and displacements of the targets at the last of some depths, waited for.
 fn at_rest(scene: &Scene, depths: &[f64]) -> Vec<[f64; 3]> {
