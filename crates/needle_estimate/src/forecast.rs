@@ -16,7 +16,7 @@
 use std::borrow::Cow;
 
 use crate::baseline::{self, Forecast, Standing};
-use crate::calibrate::{CalibrateError, Calibration, HoldOut, INTERVAL_95, LoadCell, Task, Wanted, calibrate, carried};
+use crate::calibrate::{CalibrateError, Calibration, HoldOut, INTERVAL_95, LoadCell, Task, Wanted, calibrate};
 use crate::compare::uncertainty::FORCE_ERROR;
 use crate::compare::{Answer, Curve, Keep, Run, Session, Watch, passes};
 use needle_core::scene::{Align, Override, Scene};
@@ -336,12 +336,6 @@ impl Prediction {
     pub fn band_n(&self, i: usize) -> [f64; 2] {
         let half = INTERVAL_95 * self.deviation_n[i];
         [self.force_n[i] - half, self.force_n[i] + half]
-    }
-
-    /// Keys that were found, as changes of a scene.
-    #[must_use]
-    pub fn found(&self) -> Vec<Override> {
-        carried(&self.calibration, &self.calibration.scene)
     }
 
     /// Compares with the complete recording. `others` are curves of other recordings ([`Judged::curve`]).
