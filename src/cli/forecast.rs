@@ -214,6 +214,12 @@ impl Arguments {
         }
         drop(twin);
         let keys = if self.fit.is_empty() { default_keys(&scene) } else { self.fit.clone() };
+        if keys.is_empty() {
+            return Err(format!(
+                "scene {} has no material.shear_modulus_pa: name the keys to fit with --fit",
+                scene.name
+            ));
+        }
         let mut watch = cancel.clone();
         // the tissue's relaxation would be taken for a drift, and carried on
         let load_cell = LoadCell::Offset;

@@ -113,6 +113,12 @@ fn a_recording_that_fails_is_named_and_the_others_are_predicted() {
     assert_eq!(result["failed"], 1);
     assert!(entry(&result, "not_there")["failed"].is_string());
     assert!(number(&entry(&result, "indentation")["relative_rmse"]) < 0.01);
+    // a law without that modulus: nothing is fitted in silence
+    let ogden = ["material.model=ogden", "material.ogden_shear_moduli_pa=[1678]", "material.ogden_exponents=[2]"];
+    let set: Vec<&str> = ogden.iter().flat_map(|change| ["--set", change]).collect();
+    let (code, _, said) = run(&[&[bag("indentation").as_str()], &set[..]].concat());
+    assert_eq!(code, 3);
+    assert!(said.contains("name the keys to fit with --fit"), "{said}");
     let (code, _, said) = run(&[&bag("indentation"), "--fit-to", "1.5"]);
     assert_eq!(code, 2);
     assert!(said.contains("a share between 0 and 1"), "{said}");
