@@ -136,7 +136,7 @@ impl Verification {
             Some(Compared { depth_m, predicted_n: force_at(&path, depth_m)?, reference_n })
         });
         // the reference of the displacements has no wall contact
-        let walled = scene.instrument.is_some_and(|i| has_wall(&i));
+        let walled = has_wall(&scene);
         let displacement_error = match composite {
             Some(composite) => composite_displacement_error(&run, composite, &scene),
             None => (name == "indentation" && !walled).then(|| displacement_error(&run, height)).flatten(),

@@ -1,6 +1,6 @@
 //! The rigid surfaces of a scene and the nodes that may meet them: from the keys of instrument and sample to the solver's shapes.
 
-use crate::scene::{Base, ContactLaw, IndenterTip, Instrument, InstrumentKind, Scene};
+use crate::scene::{Base, ContactLaw, Dimension, IndenterTip, Instrument, InstrumentKind, Scene};
 use mtled::cloud::{BASE, SIDE, TOP};
 use mtled::solver::{Shape, Surface};
 
@@ -12,14 +12,14 @@ pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
     let shape = match instrument.kind {
         InstrumentKind::Plate if instrument.contact == ContactLaw::Bonded => return None,
         InstrumentKind::Plate => Shape::Plate,
-        InstrumentKind::Indenter { tip: IndenterTip::Flat, .. } if !has_wall(instrument) => return None,
+        InstrumentKind::Indenter { tip: IndenterTip::Flat, .. } if !has_wall(scene) => return None,
         InstrumentKind::Indenter { diameter, tip: IndenterTip::Flat, .. } => {
             Shape::Punch { radius: 0.5 * diameter.get(), edge: if instrument.is_bonded() { 0.0 } else { edge } }
         }
         InstrumentKind::Indenter { diameter, tip: IndenterTip::Sphere, .. } => {
             Shape::Ball { radius: 0.5 * diameter.get() }
         }
-        InstrumentKind::Needle(_) if !has_wall(instrument) => return None,
+        InstrumentKind::Needle(_) if !has_wall(scene) => return None,
         // what the tip presses on has the radius of what it will capture
         InstrumentKind::Needle(needle) if needle.slope() == [0.0; 2] => {
             Shape::Punch { radius: needle.capture_radius.get(), edge: 0.0 }
@@ -29,7 +29,7 @@ pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
     let [x, y] = instrument.entry.map(|m| m.get());
     let friction = match instrument.contact {
         // beside a bonded face the wall is smooth
-        ContactLaw::Bonded if has_wall(instrument) => 0.0,
+        ContactLaw::Bonded if has_wall(scene) => 0.0,
         ContactLaw::Bonded => f64::INFINITY,
         ContactLaw::Frictionless => 0.0,
         ContactLaw::Coulomb { friction_coefficient } => friction_coefficient,
@@ -63,16 +63,20 @@ pub fn touchable(scene: &Scene) -> u8 {
 /// 0.13 mm of 0.5 mm), and no free node, half a radius away, can have come to the shaft.
 const UNFOLDED: f64 = 0.1;
 
-/// Whether free tissue meets the side wall of a flat indenter, or of a kinematic needle before the puncture.
+/// Whether free tissue meets the side wall of the scene's instrument: of a flat indenter, of a kinematic needle before the puncture, and of a
+/// needle with friction in a half plane that has a membrane to break. Without a wall the surface closes above a tip that is pressed in some radii deep, and
+/// what lies within the needle then is inverted when the membrane breaks. In space the nodes of the surface are too far apart for it.
 #[must_use]
-pub fn has_wall(instrument: &Instrument) -> bool {
+pub fn has_wall(scene: &Scene) -> bool {
+    let Some(instrument) = &scene.instrument else { return false };
     match instrument.kind {
         InstrumentKind::Indenter { tip: IndenterTip::Flat, wall_contact, .. } => {
             wall_contact || !instrument.is_bonded()
         }
-        InstrumentKind::Needle(needle) => {
-            needle.wall_contact && needle.puncture_strain > UNFOLDED && !instrument.is_frictional()
+        InstrumentKind::Needle(needle) if instrument.is_frictional() => {
+            needle.wall_contact && scene.has_membrane() && scene.dimension().dimension == Dimension::Axisymmetric
         }
+        InstrumentKind::Needle(needle) => needle.wall_contact && needle.puncture_strain > UNFOLDED,
         _ => false,
     }
 }

@@ -222,7 +222,7 @@ impl Layout {
         if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
             layout.refine_path(REGIONS_PATH_SPACING);
         }
-        let wall = scene.instrument.is_some_and(|i| surface::has_wall(&i));
+        let wall = surface::has_wall(scene) && !scene.instrument.is_some_and(|i| i.is_frictional());
         if wall {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_edge);

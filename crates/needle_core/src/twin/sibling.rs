@@ -81,7 +81,7 @@ fn are_alike(one: &Scene, other: &Scene) -> bool {
         *own = with_coefficients_of(*own, other);
     }
     let crushed = |scene: &Scene| scene.regions.iter().map(|r| regions::is_crushed(scene, r)).collect::<Vec<_>>();
-    let decided = |scene: &Scene| scene.instrument.map(|i| (surface::has_wall(&i), enters_at_once(&i)));
+    let decided = |scene: &Scene| scene.instrument.map(|i| (surface::has_wall(scene), enters_at_once(&i)));
     same == *other && crushed(one) == crushed(other) && decided(one) == decided(other)
 }
 

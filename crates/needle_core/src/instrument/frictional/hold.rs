@@ -4,13 +4,18 @@ use super::{Frictional, STICKING, TIP_LENGTH};
 use crate::instrument::Tip;
 use mtled::solver::{End, Grip, Role, Solver, Wall};
 
+/// Share of the tip that the uppermost of its layers has at least. With less, its nodes stand between cells that the needle fills: nothing
+/// holds them, they drift, and invert the cells when the tip comes back.
+const LEFT_BEHIND: f64 = 0.01;
+
 impl Frictional {
     /// Roles of the nodes, friction of the layers, push of the tip, cells that the needle fills.
     pub(super) fn hold(&mut self, tip: &Tip, solver: &mut Solver) {
         let (front, at) = (self.progress.front, self.progress.shoulder);
         let pushes = self.progress.tip > front - self.layer();
         let spread = self.shaft.spread(if pushes { self.shoulder(front) } else { at });
-        let ends = |layer: usize| (spread.0..).zip(spread.1).any(|(l, share)| l == layer && share > 0.0);
+        let least = |layer: usize| if layer == spread.0 { LEFT_BEHIND } else { 0.0 };
+        let ends = |layer: usize| (spread.0..).zip(spread.1).any(|(l, share)| l == layer && share > least(l));
         self.progress.friction = 0.0;
         let mut pressure = 0.0;
         for layer in 0..self.shaft.depths.len() {

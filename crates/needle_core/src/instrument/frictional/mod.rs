@@ -251,6 +251,7 @@ impl Frictional {
 
     pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         let depth = (0..3).map(|k| tip.offset[k] * self.shaft.axis[k]).sum::<f64>();
+        solver.move_surface(tip.offset);
         let event = self.advance_front(solver);
         self.progress.tip = self.material_at(depth, solver);
         self.progress.shoulder = self.shoulder(self.progress.tip);
