@@ -80,7 +80,8 @@ fn force(run: &Run) -> String {
     let metrics = run.force_metrics();
     let newtons = |peak: Option<f64>| peak.map_or_else(|| "none".to_owned(), newtons);
     let word = if run.has_peak() { "peak predicted" } else { "no peak, since the run fails; largest predicted" };
-    let predicted = format!("{word} {}", newtons(metrics.peak_predicted_n));
+    let error = run.model_error().map_or_else(String::new, |error| format!(" +- {:.4} N", error.force_max_n));
+    let predicted = format!("{word} {}{error}", newtons(metrics.peak_predicted_n));
     match metrics.peak_measured_n {
         Some(_) => format!("{predicted}, measured {} ({})", newtons(metrics.peak_measured_n), run.measured_source),
         None => predicted,

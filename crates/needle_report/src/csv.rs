@@ -6,14 +6,16 @@ use std::fmt::Write as _;
 
 /// Content of `force.csv`, one line per answered pose. The columns are `time_s,depth_m,predicted_n,measured_n`, then
 /// the force on the instrument in frame `sample`, predicted and measured (`predicted_x_n` to `measured_z_n`). With an
-/// ensemble there are also `predicted_low_n,predicted_high_n`, the ends of its 95 % band.
+/// ensemble there are also `predicted_low_n,predicted_high_n`, the ends of its 95 % band. The last is `model_error_n`, the error that
+/// discretisation and steps make.
 ///
 /// A measured force is empty if there is none, and so is any number that is not finite.
 #[must_use]
 pub fn force_csv(run: &Run) -> String {
     let mut text = String::from("time_s,depth_m,predicted_n,measured_n");
     text.push_str(",predicted_x_n,predicted_y_n,predicted_z_n,measured_x_n,measured_y_n,measured_z_n");
-    text.push_str(if run.ensemble.is_some() { ",predicted_low_n,predicted_high_n\n" } else { "\n" });
+    text.push_str(if run.ensemble.is_some() { ",predicted_low_n,predicted_high_n" } else { "" });
+    text.push_str(",model_error_n\n");
     for (i, a) in run.answers.iter().enumerate() {
         let measured = a.measured_n.map_or(Cell(f64::NAN), Cell);
         push(&mut text, format_args!("{},{},{},{measured}", Cell(a.time_s), Cell(a.depth_m), Cell(a.predicted_n)));
@@ -24,7 +26,7 @@ pub fn force_csv(run: &Run) -> String {
             let [low, high] = run.band(i).map_or([f64::NAN; 2], |band| [band.low_n, band.high_n]);
             push(&mut text, format_args!(",{},{}", Cell(low), Cell(high)));
         }
-        text.push('\n');
+        push(&mut text, format_args!(",{}\n", Cell(a.model_error_n)));
     }
     text
 }

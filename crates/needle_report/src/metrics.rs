@@ -33,6 +33,7 @@ pub fn metrics_json(run: &Run) -> String {
         "steps": run.steps,
         "steps_per_pose": nulls.steps_per_pose(),
         "force": nulls.force(),
+        "model_error": nulls.model_error(),
         "timing": nulls.timing(),
         "stability": nulls.stability(),
         "effective_radius_m":
@@ -90,6 +91,18 @@ impl Nulls<'_> {
             "max_abs_error_n": self.number("force.max_abs_error_n", m.max_abs_error_n, unmeasured),
             "rmse_vector_n": self.number("force.rmse_vector_n", m.rmse_vector_n, one_axis),
             "max_vector_error_n": self.number("force.max_vector_error_n", m.max_vector_error_n, one_axis),
+        })
+    }
+
+    /// Estimated error of force and targets, over all poses.
+    fn model_error(&mut self) -> Value {
+        let error = self.run.model_error();
+        let unknown = "no pose was answered by a twin";
+        json!({
+            "force_rms_n": self.number("model_error.force_rms_n", error.map(|e| e.force_rms_n), unknown),
+            "force_max_n": self.number("model_error.force_max_n", error.map(|e| e.force_max_n), unknown),
+            "targets_rms_m":
+                self.number("model_error.targets_rms_m", error.and_then(|e| e.targets_rms_m), "the scene has no targets"),
         })
     }
 

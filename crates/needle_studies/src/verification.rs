@@ -304,6 +304,7 @@ mod tests {
                 measured_n: None,
                 predicted_vector_n: [0.0; 3],
                 measured_vector_n: None,
+                model_error_n: 0.0,
                 phase: Phase::Penetration,
                 event: None,
                 steps: 1,

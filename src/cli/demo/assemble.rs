@@ -86,6 +86,7 @@ fn answers(heard: &Observations, origin_ns: i64) -> Vec<Answer> {
                 measured_n: measured.at(seconds(force.stamp_ns)).map(|f| f[2]),
                 predicted_vector_n: force.value,
                 measured_vector_n: measured.at(seconds(force.stamp_ns)),
+                model_error_n: f64::NAN,
                 phase: present.map_or(Phase::Approach, phase),
                 event,
                 steps: present.map_or(0, |s| s.steps_per_pose.round() as u32),

@@ -83,6 +83,9 @@ pub(super) fn status(
         message.force_imbalance = p.health.force_imbalance;
         message.constraint_error_m = p.health.constraint_error_m;
         message.folded_energy = p.health.folded_energy;
+        if p.health.discretisation_error > 0.0 {
+            message.model_error = p.health.discretisation_error;
+        }
     }
     message
 }

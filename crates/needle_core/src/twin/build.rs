@@ -97,6 +97,7 @@ impl Twin {
         };
         let mut twin = Self {
             folds: super::Folds::new(&fixed.tissue),
+            recovered: super::Recovered::new(&fixed),
             fixed: Arc::new(fixed),
             solver,
             saved: Saved::new(contact.clone()),

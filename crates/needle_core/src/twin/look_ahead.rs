@@ -65,6 +65,7 @@ impl Twin {
             counters: super::Counters::default(),
             happened: super::Happened::default(),
             folds: self.folds.clone(),
+            recovered: self.recovered.clone(),
         }
     }
 

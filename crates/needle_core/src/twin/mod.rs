@@ -20,6 +20,7 @@ mod pace;
 mod part;
 mod pierce;
 mod recover;
+mod recovered;
 mod regions;
 mod sibling;
 mod speed;
@@ -56,6 +57,7 @@ use folds::Folds;
 use happened::Happened;
 use pace::Pace;
 use recover::{Lost, Saved};
+use recovered::Recovered;
 use speed::Speed;
 use tissue::Tissue;
 use work::Counters;
@@ -208,6 +210,7 @@ pub struct Twin {
     /// Events of the last pose.
     happened: Happened,
     folds: Folds,
+    recovered: Recovered,
 }
 
 /// What never changes of a twin; shared with its branches.
@@ -242,6 +245,8 @@ struct Progress {
     constraint_error_m: f64,
     /// See [`Health`].
     folded_energy: f64,
+    /// See [`Health`].
+    discretisation_error: f64,
     steps: u64,
     /// Times that the twin went back to the last good state.
     recoveries: u64,
@@ -266,6 +271,7 @@ impl Progress {
             steps_since_save: 0,
             constraint_error_m: 0.0,
             folded_energy: 0.0,
+            discretisation_error: 0.0,
             steps: 0,
             recoveries: 0,
             tip: [0.0; 3],

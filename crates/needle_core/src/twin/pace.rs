@@ -19,14 +19,16 @@
 //!
 //! is the way still made in that time over that made so far, the body's displacements weighed by their energy.
 
-use crate::scene::{Scene, Stepping};
+use crate::scene::{InstrumentKind, Scene, Stepping};
 use mtled::solver::Balance;
 
 use super::Health;
 
 /// L over the height of the sample, times the ratio of measured to estimated error (the estimate is an upper bound).
 const LENGTH: f64 = 2.0;
-/// Forces below this share of mu H^2 are judged as if they were as large: near zero a relative error means nothing.
+/// Forces below this share of mu H^2 are judged as if they were as large: near zero a relative error means nothing. Under a small indenter it
+/// is that share of mu H 8 a, the force of a rigid disc of radius a that is pressed into an incompressible half space by this share of H
+/// (8 mu a d; Sneddon, Int. J. Engng Sci. 3:47, 1965).
 const FORCE_FLOOR: f64 = 0.01;
 /// The same for a needle with friction, whose forces are those of a thin rod.
 const FORCE_FLOOR_OF_SLIP: f64 = 0.0025;
@@ -92,14 +94,16 @@ impl Pace {
     /// `height`: of the sample, m.
     pub fn new(scene: &Scene, height: f64) -> Self {
         let slips = scene.instrument.is_some_and(|i| i.is_frictional());
+        let width = match scene.instrument.map(|i| i.kind) {
+            Some(InstrumentKind::Indenter { diameter, .. }) => height.min(4.0 * diameter.get()),
+            _ => height,
+        };
+        let mu = scene.material.shear_modulus();
         Self {
             stepping: scene.stepping,
             length: LENGTH * height,
-            force_floor: (if slips { FORCE_FLOOR_OF_SLIP } else { FORCE_FLOOR })
-                * scene.material.shear_modulus()
-                * height
-                * height,
-            energy_floor: 0.5 * FORCE_FLOOR * FORCE_FLOOR * scene.material.shear_modulus() * height.powi(3),
+            force_floor: (if slips { FORCE_FLOOR_OF_SLIP } else { FORCE_FLOOR }) * mu * height * width,
+            energy_floor: 0.5 * FORCE_FLOOR * FORCE_FLOOR * mu * height * height * width,
             peak: 0.0,
             imbalance: 0.0,
             gap: 0.0,

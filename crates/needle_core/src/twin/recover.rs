@@ -89,6 +89,7 @@ impl Twin {
         self.progress.steps_since_save = 0;
         self.progress.constraint_error_m = 0.0;
         self.progress.folded_energy = 0.0;
+        self.progress.discretisation_error = 0.0;
         self.begin();
     }
 

@@ -9,7 +9,7 @@ use mtled::solver::{Solver, Surface};
 use super::body::enters_at_once;
 use super::recover::Saved;
 use super::work::Counters;
-use super::{Along, Fixed, Folds, Happened, Pace, Progress, Twin, build, regions};
+use super::{Along, Fixed, Folds, Happened, Pace, Progress, Recovered, Twin, build, regions};
 
 impl Twin {
     /// An undeformed twin of another scene that differs from this one's in constants of materials, of friction, or of a needle; `None`
@@ -44,6 +44,7 @@ impl Twin {
         };
         let mut twin = Self {
             folds: Folds::new(&fixed.tissue),
+            recovered: Recovered::new(&fixed),
             saved: Saved::new(contact.clone()),
             progress: Progress::new(Pace::new(scene, own.height)),
             fixed: Arc::new(fixed),

@@ -8,7 +8,7 @@ use crate::instrument::{Contact, Tip};
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
-use super::{Halt, Phase, Pose, Prediction, Progress, StampedPose, Twin};
+use super::{Halt, Phase, Pose, Prediction, Progress, StampedPose, Twin, recovered};
 
 /// Power iterations after which the fastest mode is known to a per cent.
 const FASTEST_ITERATIONS: usize = 400;
@@ -160,11 +160,15 @@ impl Twin {
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
         self.progress.phase = phase;
-        let looks = self.progress.steps / LOOK;
+        let before = self.progress.steps;
         self.progress.steps += u64::from(taken);
-        if self.progress.steps / LOOK > looks {
+        let steps = self.progress.steps;
+        if steps / LOOK > before / LOOK {
             self.progress.constraint_error_m = self.constraint_error();
             self.progress.folded_energy = self.folded_energy(balance.strain);
+        }
+        if recovered::is_due(before, steps) {
+            self.progress.discretisation_error = self.discretisation_error();
         }
         Prediction {
             time_s,

@@ -125,6 +125,31 @@ fn skin_breaks_at_its_force_however_far_poses_are_apart() {
     }
 }
 
+/// The needle turns where its tip has just left a layer of nodes behind: nothing may hold them by a thread, since then they drift, and invert
+/// cells when the tip comes back.
+#[test]
+fn a_needle_comes_out_again_wherever_it_turns() {
+    let keys =
+        "interaction = \"frictional\"\nfriction_n_per_m = 3.0\ncutting_force_n = 0.003\npuncture_force_n = 0.008\n";
+    for depth in [6e-3_f64, 7e-3, 7.7e-3, 8e-3] {
+        let scene = format!(
+            "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \"neo_hookean\"\n\
+             shear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n[instrument]\nkind = \
+             \"needle\"\ndiameter_m = 0.001\ncapture_radius_m = 0.0005\n{keys}[motion]\ndepth_m = {depth}\n"
+        );
+        let mut twin = built(&scene);
+        let poses = (depth / 5e-6).round() as u32;
+        let mut least = f64::INFINITY;
+        for k in (1..=poses).chain((0..poses).rev()) {
+            let pose = twin.pose_at_depth(depth * f64::from(k) / f64::from(poses));
+            let answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+            least = least.min(answer.health.min_jacobian);
+        }
+        println!("turned at {depth} m: smallest volume ratio {least:.3}, {} recoveries", twin.recoveries());
+        assert!(least > 0.1, "turned at {depth} m: {least}");
+    }
+}
+
 /// In all of space, on a coarse cloud, where the face has rings of many nodes.
 #[test]
 fn an_inner_membrane_breaks_in_space() {

@@ -61,6 +61,26 @@ fn tissue_beside_the_shaft_stays_outside_before_the_puncture() {
     }
 }
 
+/// Beside a needle with friction that presses on a membrane too: without a wall the surface closes above its tip.
+#[test]
+fn tissue_beside_the_shaft_stays_outside_a_needle_that_presses_on_a_membrane() {
+    let frictional = [
+        ("instrument.interaction", "frictional"),
+        ("instrument.friction_n_per_m", "3.0"),
+        ("instrument.cutting_force_n", "0.003"),
+        ("instrument.puncture_force_n", "0.09"),
+    ];
+    let there = |wall: &[(&str, &str)]| {
+        let mut twin = twin("needle_insertion", &[&frictional[..], &[("motion.depth_m", "0.004")], wall].concat());
+        let answers = travel(&mut twin, 0.0, 2.5e-3, 500);
+        assert!(answers.iter().all(|a| a.phase != Phase::Penetration), "no puncture");
+        inside(&twin, 2.5e-3)
+    };
+    let (with, without) = (there(&[]), there(&[NO_WALL]));
+    println!("{:.2} um inside with a wall, {:.0} um without", 1e6 * with, 1e6 * without);
+    assert!(with < 1e-7 && without > 5e-5, "{with} m, {without} m");
+}
+
 /// An oblique shaft meets a force that is that of an upright one as the tilt goes to nothing.
 #[test]
 fn the_force_on_a_shaft_goes_to_that_of_an_upright_one() {

@@ -240,6 +240,7 @@ impl CurveTable {
                 measured_n: vector.map(|f| f[2]),
                 predicted_vector_n: [0.0, 0.0, predicted_n],
                 measured_vector_n: vector,
+                model_error_n: f64::NAN,
                 phase: if depth_m > 0.0 { Phase::Indentation } else { Phase::Approach },
                 event: None,
                 steps: 0,

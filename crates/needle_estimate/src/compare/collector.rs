@@ -100,6 +100,7 @@ impl Collector {
             measured_n: measured_n.map(|force| 0.0 - dot(force, axis)),
             predicted_vector_n: prediction.force_n,
             measured_vector_n: measured_n,
+            model_error_n: prediction.model_error_n(),
             phase: prediction.phase,
             event: prediction.event,
             steps: prediction.steps,

@@ -24,6 +24,17 @@ pub struct ForceMetrics {
     pub max_vector_error_n: Option<f64>,
 }
 
+/// Estimated error that discretisation and steps make, over all answers of a twin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelError {
+    /// Root mean square of the force's, N.
+    pub force_rms_n: f64,
+    /// Its largest, N.
+    pub force_max_n: f64,
+    /// Root mean square over the targets' displacements, of which it is the same share as of the largest force, m; `None` without targets.
+    pub targets_rms_m: Option<f64>,
+}
+
 /// Wall time from a pose's arrival to its prediction, ms, by the nearest-rank rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Latency {
@@ -53,6 +64,24 @@ impl Run {
             rmse_vector_n: root_mean_square(lengths()),
             max_vector_error_n: lengths().reduce(f64::max),
         }
+    }
+
+    /// Estimated error of the model; `None` if no twin answered.
+    #[must_use]
+    pub fn model_error(&self) -> Option<ModelError> {
+        let errors = || self.answers.iter().map(|a| a.model_error_n).filter(|e| e.is_finite());
+        let force_rms_n = root_mean_square(errors())?;
+        let largest_n = largest_magnitude(self.answers.iter().map(|a| a.predicted_n)).map_or(0.0, f64::abs);
+        let start = self.targets.first().map_or(&[][..], |row| &row.positions);
+        let displacements = self.targets.iter().flat_map(|row| {
+            row.positions.iter().zip(start).map(|(p, q)| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt())
+        });
+        let share = ratio(force_rms_n, largest_n).unwrap_or(0.0);
+        Some(ModelError {
+            force_rms_n,
+            force_max_n: errors().fold(0.0, f64::max),
+            targets_rms_m: root_mean_square(displacements.filter(|d| d.is_finite())).map(|d| share * d),
+        })
     }
 
     /// Whether the load cell measured the force as a vector: at least two of its components are not always zero.
@@ -114,6 +143,7 @@ mod tests {
             measured_n,
             predicted_vector_n: [0.0, 0.0, predicted_n],
             measured_vector_n: None,
+            model_error_n: 0.0,
             phase,
             event: None,
             steps: 1,

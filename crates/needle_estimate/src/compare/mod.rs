@@ -26,7 +26,7 @@ mod watch;
 pub use collector::{Collector, Keep};
 pub use curve::Curve;
 pub use legs::{Legs, Pass, passes};
-pub use metrics::{ForceMetrics, Latency};
+pub use metrics::{ForceMetrics, Latency, ModelError};
 pub use regions::Depths;
 pub use session::{Finished, Session};
 use session::{not_finite, stamped};
@@ -52,6 +52,8 @@ pub struct Answer {
     pub predicted_vector_n: [f64; 3],
     /// Measured force in the same frame, N, if there is one.
     pub measured_vector_n: Option<[f64; 3]>,
+    /// Error of the prediction that discretisation and steps make, N ([`needle_core::twin::Prediction::model_error_n`]).
+    pub model_error_n: f64,
     /// Phase of the insertion.
     pub phase: Phase,
     /// Event since the last pose.

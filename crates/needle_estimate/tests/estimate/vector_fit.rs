@@ -215,6 +215,7 @@ fn the_verdict_judges_every_component_that_was_measured() {
                 measured_n: Some(force + noise),
                 predicted_vector_n: [-0.4 * force, 0.0, force],
                 measured_vector_n: Some([-0.4 * across * force + zero + noise, zero - noise, force + noise]),
+                model_error_n: 0.0,
                 phase: if depth_m > 0.0 { Phase::Penetration } else { Phase::Approach },
                 event: None,
                 steps: 1,
