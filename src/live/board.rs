@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::frame::{Frame, Model, unit_m};
-use crate::served::{self, News};
 use axum::extract::ws::Message;
+use served::News;
 
 /// Largest number of simultaneous viewers.
 pub const VIEWERS: usize = 16;

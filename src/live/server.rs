@@ -24,7 +24,7 @@ use super::error::LiveError;
 use super::page;
 use super::request::{Command, LONGEST_REQUEST};
 use super::viewer;
-use crate::served::{Service, accept, bind};
+use served::{Service, accept, bind};
 
 /// Largest number of simultaneous connections other than viewers.
 const CONNECTIONS: usize = 32;

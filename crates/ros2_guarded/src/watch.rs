@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender};
 
 use crate::GuardError;
-use crate::threads::spawn;
+use named_threads::spawn;
 
 /// Time between two looks.
 const LOOK: std::time::Duration = std::time::Duration::from_millis(200);

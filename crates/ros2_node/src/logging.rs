@@ -234,7 +234,7 @@ fn local_time(wall_nanos: i64) -> String {
 impl RosLayer {
     /// Whether a line is the node's own, and not that of a library.
     fn is_own(&self, target: &str) -> bool {
-        const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
+        const OWN: [&str; 4] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap", "named_threads"];
         let of = target.split("::").next().unwrap_or_default();
         of == self.program || OWN.contains(&of)
     }

@@ -18,7 +18,7 @@ use super::clock::wall_nanos;
 use super::parameter::{Parameter, parameters};
 use super::parameters::Parameters;
 use super::start::NodeError;
-use ros2_guarded::threads::spawn;
+use named_threads::spawn;
 use ros2_messages::schema::Schema;
 use ros2_messages::to_cdr;
 use rosbag2_mcap::{BagWriter, Qos, TopicId, WriterOptions, Written};
@@ -235,7 +235,7 @@ impl Recording {
     pub fn finish(self) -> u64 {
         // Fails only if the thread has ended.
         let _ = self.sender.send(Entry::Stop);
-        ros2_guarded::threads::join(self.thread);
+        named_threads::join(self.thread);
         let lost = self.backlog.lost.load(Ordering::Relaxed);
         if lost > 0 {
             tracing::error!("{lost} messages are missing in the recording");

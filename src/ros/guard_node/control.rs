@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::{Goal, Line};
-use crate::guard::{Boundary, Guard, Heard, Orders, Outlook, Phase, Sight, Trouble};
+use needle_guard::{Boundary, Guard, Heard, Orders, Outlook, Phase, Sight, Trouble};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
 use ros2_messages::needle_twin::{self, Safety, TwinStatus};

@@ -1,6 +1,6 @@
 //! Parameters of the guard.
 
-use crate::guard::{Orders, Place};
+use needle_guard::{Orders, Place};
 use needle_rig::MotionLimits;
 use ros2_node::parameter::{Parameter, parameters};
 use ros2_node::parameters::{Declaration, Parameters};

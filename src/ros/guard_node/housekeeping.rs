@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::Receiver;
 
 use super::control::{Report, Shared};
-use crate::guard::Phase;
+use needle_guard::Phase;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;
 use ros2_messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};

@@ -19,9 +19,9 @@ use clap::Parser;
 
 use self::control::{Endpoints, Shared, Task};
 use self::housekeeping::Housekeeping;
-use crate::guard::Guard;
+use named_threads::{join, spawn};
+use needle_guard::Guard;
 use ros2_guarded::signals::Signals;
-use ros2_guarded::threads::{join, spawn};
 use ros2_node::parameters::Parameters;
 use ros2_node::recorder::{Recorder, Recording};
 use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};

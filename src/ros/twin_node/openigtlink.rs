@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::declared;
 use super::shared::Shared;
 use super::tissue::{Model, Snapshot};
-use crate::openigtlink::{Board, Instrument, Server};
+use openigtlink::{Board, Instrument, Server};
 use ros2_node::parameters::Parameters;
 use ros2_node::start::NodeError;
 

@@ -11,9 +11,9 @@ use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
+use named_threads::spawn;
 use ros2_guarded::Bell;
 use ros2_guarded::signals::Signals;
-use ros2_guarded::threads::spawn;
 use ros2_node::start::{NodeError, SUCCESS};
 
 /// Longest interval between two checks.

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ros2_guarded::threads::{join, spawn};
+use named_threads::{join, spawn};
 
 use ros2_client::parameters::{ParameterValue, raw};
 use ros2_client::rcl_interfaces::{SetParametersRequest, SetParametersResponse};

@@ -11,6 +11,7 @@
 //!
 //! The crate `openigtlink-rust` (0.4.1) is not used: its POLYDATA has another layout than the protocol's, and it
 //! depends on TLS in C (docs/lab/libraries.md).
+#![forbid(unsafe_code)]
 
 mod board;
 mod error;

@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::message::{Instrument, Packet, Surface, packet, points, transform};
-use crate::served::{self, News};
+use crate::message::{Instrument, Packet, Surface, packet, points, transform};
+use served::News;
 
 /// Largest number of simultaneous clients.
 pub const CLIENTS: usize = 16;

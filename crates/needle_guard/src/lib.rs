@@ -17,7 +17,8 @@
 //! moves no faster than look-aheads arrive.
 //!
 //! The goal is a depth, or the depth of a target that moves with the tissue. The motion is a [`Trajectory`], so a
-//! moving goal is followed without overshoot. This module uses no sockets and no clocks: times are passed in as ages.
+//! moving goal is followed without overshoot. This crate uses no sockets and no clocks: times are passed in as ages.
+#![forbid(unsafe_code)]
 
 mod outlook;
 

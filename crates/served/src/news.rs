@@ -50,7 +50,6 @@ impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
     }
 
     /// Waits until there is no reader.
-    #[cfg(feature = "page")]
     pub async fn left(&self) {
         // an error means that the content was dropped, and all readers with it
         let _ = self.taken.subscribe().wait_for(|n| *n == 0).await;
