@@ -21,7 +21,7 @@ use rosbag2_mcap::BagError;
 /// Why a command failed: what, where, what to do. Printed once, at the edge.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum CliError {
+pub(crate) enum CliError {
     /// The scene is wrong.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -66,7 +66,7 @@ pub(super) struct Desk {
 
 impl Desk {
     /// Queues a command; `None` if the queue is full.
-    pub fn ask(&self, command: Command) -> Option<oneshot::Receiver<Reply>> {
+    pub(crate) fn ask(&self, command: Command) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
         self.asked.try_send(Asked { command, reply }).ok()?;
         (self.ring)();

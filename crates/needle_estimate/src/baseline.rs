@@ -28,7 +28,7 @@ use crate::compare::{Curve, Run};
 use needle_core::scene::{IndenterTip, InstrumentKind, Scene};
 
 /// Name of the mean of other recordings.
-pub const OTHERS: &str = "others";
+pub(crate) const OTHERS: &str = "others";
 /// Fewest fitted readings under which nothing is said.
 const LEAST_FITTED: usize = 5;
 /// Number of lengths of the exponential that are tried, and their range over the deepest fitted depth.
@@ -92,7 +92,7 @@ impl Contact {
 /// `depth_m` holds the depth of every pose, m. `measured` holds the index of a pose and the force there, N; poses
 /// after the last of them are predicted. Empty if there are too few readings.
 #[must_use]
-pub fn forecasts(
+pub(crate) fn forecasts(
     scene: Option<&Scene>,
     depth_m: &[f64],
     measured: &[(usize, f64)],

@@ -23,7 +23,7 @@ const KEYS: [(&str, &str); 4] = [
 /// Poses per second of the motion.
 const POSE_HZ: f64 = 1000.0;
 /// Runs for each number of threads.
-pub const ROUNDS: usize = 3;
+pub(crate) const ROUNDS: usize = 3;
 
 /// A number of threads, and its results.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,7 @@ pub struct Team {
 impl Team {
     /// Median of its factors.
     #[must_use]
-    pub fn median(&self) -> f64 {
+    pub(crate) fn median(&self) -> f64 {
         let mut sorted = self.factors.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)

@@ -123,7 +123,7 @@ pub struct Case {
 
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub(crate) enum Ended {
     /// It reached the requested depth.
     Reached,
     /// A cell was crushed to zero volume or inverted.
@@ -141,7 +141,7 @@ pub enum Ended {
 impl Ended {
     /// Name in the table.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Reached => "reached",
             Self::Inversion => "inversion",

@@ -231,7 +231,7 @@ impl Twin {
 }
 
 /// A pose as `step` takes it.
-pub fn stamped(
+pub(crate) fn stamped(
     twin: &twin::Twin,
     time_s: f64,
     depth_m: Option<f64>,

@@ -18,7 +18,7 @@ mod error;
 mod message;
 mod server;
 
-pub use board::{Board, CLIENTS};
+pub use board::Board;
 pub use error::LinkError;
 pub use message::Instrument;
 pub use server::Server;

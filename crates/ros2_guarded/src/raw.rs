@@ -24,13 +24,13 @@ impl RawCdr {
 
     /// Whether the numbers in the bytes are big-endian.
     #[must_use]
-    pub const fn is_big_endian(&self) -> bool {
+    pub(crate) const fn is_big_endian(&self) -> bool {
         self.big_endian
     }
 
     /// The bytes, without an encapsulation header.
     #[must_use]
-    pub fn as_slice(&self) -> &[u8] {
+    pub(crate) fn as_slice(&self) -> &[u8] {
         &self.bytes
     }
 

@@ -66,7 +66,7 @@ struct Backlog {
 
 /// Accepts the messages of one topic.
 #[derive(Clone)]
-pub struct Tap {
+pub(crate) struct Tap {
     topic: TopicId,
     sender: SyncSender<Entry>,
     backlog: Arc<Backlog>,
@@ -74,13 +74,13 @@ pub struct Tap {
 
 impl Tap {
     /// Records a message that the node sends now.
-    pub fn said<M: Serialize>(&self, message: &M) {
+    pub(crate) fn said<M: Serialize>(&self, message: &M) {
         let now = wall_nanos();
         self.put(message, now, now);
     }
 
     /// Records a message that was received; times in ns since 1970.
-    pub fn heard<M: Serialize>(&self, message: &M, [received, sent]: [i64; 2]) {
+    pub(crate) fn heard<M: Serialize>(&self, message: &M, [received, sent]: [i64; 2]) {
         self.put(message, received, sent);
     }
 

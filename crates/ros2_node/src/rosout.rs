@@ -25,7 +25,7 @@ impl Rosout {
     ///
     /// # Errors
     /// [`ParticipantError`].
-    pub fn offer(&mut self, participant: &mut Participant) -> Result<(), ParticipantError> {
+    pub(crate) fn offer(&mut self, participant: &mut Participant) -> Result<(), ParticipantError> {
         self.output = Some(participant.rosout()?);
         Ok(())
     }

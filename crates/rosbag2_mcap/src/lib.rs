@@ -26,7 +26,8 @@ pub use error::{BagError, Loss};
 pub use messages::Messages;
 pub use metadata::Metadata;
 pub use options::WriterOptions;
-pub use qos::{Qos, QosTime};
+pub use qos::Qos;
+pub use qos::QosTime;
 pub use reader::{BagReader, Message, Topic};
 pub use writer::{BagWriter, TopicId, Written};
 

@@ -45,7 +45,7 @@ impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
 
     /// Receives all changes from now on.
     #[must_use]
-    pub fn listen(&self) -> watch::Receiver<Newest<T, PLACES>> {
+    pub(crate) fn listen(&self) -> watch::Receiver<Newest<T, PLACES>> {
         self.newest.subscribe()
     }
 

@@ -40,7 +40,7 @@ struct Cli {}
 /// Runs the guard until it has arrived, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments`
 /// does not include the program name.
 #[must_use]
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+pub(crate) fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     // Before any thread is started, because threads inherit the mask.
     let signals = match Signals::block() {
         Ok(signals) => signals,

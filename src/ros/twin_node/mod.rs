@@ -122,7 +122,7 @@ pub fn ports() -> [Port; 2] {
 
 /// The topics that the node reads, by the names that it has for them, with their types as ROS says them.
 #[must_use]
-pub fn input_topics() -> [(&'static str, &'static str); 4] {
+pub(crate) fn input_topics() -> [(&'static str, &'static str); 4] {
     [
         ("measured_js", JointState::TYPE),
         ("measured_cp", PoseStamped::TYPE),

@@ -41,7 +41,7 @@ impl Supervisor {
     ///
     /// # Errors
     /// [`NodeError`] if the model can't be built, or a thread has ended or hangs.
-    pub fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
+    pub(crate) fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
         let outcome = self.supervise(signals, threads);
         if let Err(error) = &outcome {
             // The last status and the last `safe_to_go_on` contain it.

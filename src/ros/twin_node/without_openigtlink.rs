@@ -23,15 +23,15 @@ impl Link {
         Ok(None)
     }
 
-    pub fn is_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         match *self {}
     }
 
-    pub fn model(&self, _: &Model) {
+    pub(crate) fn model(&self, _: &Model) {
         match *self {}
     }
 
-    pub fn tissue(&self, _: &Snapshot) {
+    pub(crate) fn tissue(&self, _: &Snapshot) {
         match *self {}
     }
 }

@@ -13,7 +13,7 @@ pub const FORCE_N: Range = Range::closed(-1e7, 1e7);
 pub const TIME_S: Range = Range::closed(-1e10, 1e10);
 /// Fastest motion of an instrument's tip, m/s, where the scene's own motion is not faster: twice the 0.25 m/s that ISO 10218-1
 /// allows a robot beside people.
-pub const SPEED_M_PER_S: f64 = 0.5;
+pub(crate) const SPEED_M_PER_S: f64 = 0.5;
 
 /// Whether a load cell can have measured this force.
 #[must_use]
@@ -65,7 +65,7 @@ impl MeasuredAxes {
 
 /// Why an offset in m from the entry point at a time in s can't be that of a tip, if it can't.
 #[must_use]
-pub fn not_a_place(offset_m: &[f64; 3], time_s: f64) -> Option<String> {
+pub(crate) fn not_a_place(offset_m: &[f64; 3], time_s: f64) -> Option<String> {
     if !TIME_S.contains(time_s) {
         return Some(format!("its time is {time_s:e} s; a stamp is in {TIME_S} s"));
     }

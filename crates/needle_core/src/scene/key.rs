@@ -47,7 +47,7 @@ pub struct Key {
 }
 
 /// What a file says to leave a number to the program.
-pub const AUTO: &str = "auto";
+pub(crate) const AUTO: &str = "auto";
 
 impl Key {
     const fn new(path: &'static str, kind: Kind, unit: &'static str) -> Self {
@@ -163,7 +163,7 @@ impl Key {
     ///
     /// # Errors
     /// [`SceneError::WrongType`], [`SceneError::OutOfRange`] or [`SceneError::UnknownWord`].
-    pub fn check(&self, value: &Value, path: &str, place: &str) -> Result<Value, SceneError> {
+    pub(crate) fn check(&self, value: &Value, path: &str, place: &str) -> Result<Value, SceneError> {
         let (fits, value) = match (self.kind, value) {
             (Kind::Text, Value::Text(_)) | (Kind::Boolean, Value::Boolean(_)) => (true, value.clone()),
             (Kind::Word(words), Value::Text(word)) => {

@@ -39,7 +39,7 @@ pub enum Prior {
 
 impl Prior {
     /// Words of the distributions, as a file has them.
-    pub const WORDS: [&'static str; 3] = ["normal", "lognormal", "uniform"];
+    pub(crate) const WORDS: [&'static str; 3] = ["normal", "lognormal", "uniform"];
 
     /// The distribution of a word and two numbers; what is wrong with them, if anything.
     fn new(word: &str, numbers: &[f64]) -> Result<Self, String> {
@@ -80,7 +80,7 @@ impl Prior {
 
     /// The value below which a share of the probability lies, 0 < `share` < 1.
     #[must_use]
-    pub fn quantile(&self, share: f64) -> f64 {
+    pub(crate) fn quantile(&self, share: f64) -> f64 {
         // the numbers were checked, so that there is always a distribution
         match *self {
             Self::Normal(mean, deviation) => Normal::new(mean, deviation).map_or(mean, |d| d.inverse_cdf(share)),

@@ -109,7 +109,7 @@ impl CurveTable {
     ///
     /// # Errors
     /// [`CalibrateError`] if the force of the scene is not a function of the depth and these keys.
-    pub fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
+    pub(crate) fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
         check(scene)?;
         let keys = wanted.iter().filter(|w| !w.key.starts_with("align.") && !MODULI.contains(&w.key.as_str()));
         let axes = keys.map(axis).collect::<Result<Vec<_>, _>>()?;
@@ -129,7 +129,7 @@ impl CurveTable {
     ///
     /// # Errors
     /// [`CalibrateError`] if a run fails.
-    pub fn run_all(&mut self, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Result<(), CalibrateError> {
+    pub(crate) fn run_all(&mut self, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Result<(), CalibrateError> {
         let one = |n: usize| self.curve(n, cancel).inspect(|_| done());
         self.curves = (0..self.runs()).into_par_iter().map(one).collect::<Result<_, CalibrateError>>()?;
         Ok(())
@@ -254,7 +254,7 @@ impl CurveTable {
     ///
     /// # Errors
     /// Why it is not, and what to do.
-    pub fn covers(&self, readings: &[Reading]) -> Result<(), String> {
+    pub(crate) fn covers(&self, readings: &[Reading]) -> Result<(), String> {
         let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { Some(depth_m) } else { None };
         let Some(depths) = readings.iter().map(depth).collect::<Option<Vec<f64>>>() else {
             return Err("curves = \"table\" takes depths, and this recording has poses".to_owned());

@@ -40,7 +40,7 @@ impl Curve {
 
     /// Interpolates one of the two force columns at a depth, N. Outside the range it returns the nearest end value.
     #[must_use]
-    pub fn at(&self, forces: &[f64], depth_m: f64) -> f64 {
+    pub(crate) fn at(&self, forces: &[f64], depth_m: f64) -> f64 {
         let all: Vec<usize> = (0..self.depth_m.len()).collect();
         interpolated(&all, &self.depth_m, forces, depth_m)
     }

@@ -15,9 +15,9 @@ mod row;
 mod table;
 
 pub use case::{Case, Steps};
-pub use order::{observed_order, orders, refined};
+pub use order::{orders, refined};
 pub use pareto::front;
-pub use plan::{Extent, named, plan, source_paper, work};
+pub use plan::{Extent, named, plan, work};
 pub use record::csv;
 pub use row::{Row, heading, largest_error};
 pub use table::{Table, merge, read};
@@ -83,7 +83,7 @@ impl Case {
     /// # Errors
     /// [`StudyError`] if the scene does not accept the case. A model that can't be built or diverges is a result, not
     /// an error.
-    pub fn run(
+    pub(crate) fn run(
         &self,
         scene: &Scene,
         reference_solution: &ReferenceSolution,

@@ -135,7 +135,7 @@ pub fn named(scene: &Scene) -> Result<Vec<(Case, &'static str)>, StudyError> {
 ///
 /// # Errors
 /// As [`plan`].
-pub fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
+pub(crate) fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
     let mut case = Case::of(scene)?;
     Method::Mmls.as_str().clone_into(&mut case.method);
     "pointwise".clone_into(&mut case.volume_ratio);

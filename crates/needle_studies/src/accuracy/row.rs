@@ -150,7 +150,7 @@ pub(super) mod tests {
     use needle_core::scene::Scene;
 
     /// A row of the compression with an error at its last depth.
-    pub fn row(nodes: usize, error: f64) -> Row {
+    pub(crate) fn row(nodes: usize, error: f64) -> Row {
         let scene = Scene::preset("compression").unwrap();
         Row {
             scene: scene.name.clone(),

@@ -157,7 +157,7 @@ impl Extra {
         bytes
     }
 
-    pub fn read(bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; EXTRA] = bytes.try_into().ok()?;
         let eight = |from: usize| bytes.get(from..from + 8).and_then(|b| b.try_into().ok()).map(i64::from_le_bytes);
         let gid = (bytes[16] == 16).then(|| bytes.last_chunk().copied()).flatten()?;

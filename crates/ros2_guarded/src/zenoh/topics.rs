@@ -55,7 +55,7 @@ impl Writer {
     }
 
     /// Publishes; false if Zenoh refuses.
-    pub fn publish(&self, body: &[u8]) -> bool {
+    pub(crate) fn publish(&self, body: &[u8]) -> bool {
         let number = self.said.fetch_add(1, Ordering::Relaxed) + 1;
         let extra = Extra { number, sent: wall_nanos(), gid: self.gid }.bytes();
         let payload = encapsulated(body);

@@ -143,7 +143,7 @@ impl Shaft {
 
     /// With what lies under each layer for a needle along an axis: `region` of a point there.
     #[must_use]
-    pub fn in_tissue(
+    pub(crate) fn in_tissue(
         mut self,
         scene: &Scene,
         needle: &Needle,
@@ -183,7 +183,7 @@ impl Shaft {
     /// next one, at that length by a fifth of that; else the front goes on in leaps. Above the first layer there is none: the first one
     /// yields for it.
     #[must_use]
-    pub fn spread(&self, depth: f64) -> (usize, [f64; 3]) {
+    pub(crate) fn spread(&self, depth: f64) -> (usize, [f64; 3]) {
         let (above, share) = self.place(depth);
         let nearest = (above + usize::from(share > 0.5)).min(self.depths.len() - 2);
         let z = self.depths[nearest];
@@ -213,7 +213,7 @@ impl Shaft {
     /// What a layer has of the length of shaft from the surface to a depth, m, weighted by `of` what lies there: the integral of the
     /// layer's linear function.
     #[must_use]
-    pub fn share(&self, layer: usize, to: f64, of: impl Fn(&Resistance) -> f64) -> f64 {
+    pub(crate) fn share(&self, layer: usize, to: f64, of: impl Fn(&Resistance) -> f64) -> f64 {
         let z = &self.depths;
         let mut sum = 0.0;
         if layer > 0 {
@@ -235,19 +235,19 @@ impl Shaft {
     }
 
     /// Layer of a place.
-    pub fn layer_of(&self, place: usize) -> usize {
+    pub(crate) fn layer_of(&self, place: usize) -> usize {
         self.first.partition_point(|first| *first <= place) - 1
     }
 
     /// Places of the nodes of a layer's outermost ring.
-    pub fn wall(&self, layer: usize) -> std::ops::Range<usize> {
+    pub(crate) fn wall(&self, layer: usize) -> std::ops::Range<usize> {
         let end = self.first[layer + 1];
         end - self.rings[layer].last().copied().unwrap_or(0)..end
     }
 
     /// The first layer below a depth under which another region begins.
     #[must_use]
-    pub fn boundary_below(&self, depth: f64) -> Option<usize> {
+    pub(crate) fn boundary_below(&self, depth: f64) -> Option<usize> {
         let near = 1e-6 * self.radius;
         (1..self.depths.len())
             .find(|&k| self.depths[k] > depth + near && self.under[k].region != self.under[k - 1].region)
@@ -256,7 +256,7 @@ impl Shaft {
 
 /// Depth of the needle's start along its axis, m, and the speed up to which cutting takes the same force, m/s.
 #[must_use]
-pub fn start_and_slow(scene: &Scene) -> [f64; 2] {
+pub(crate) fn start_and_slow(scene: &Scene) -> [f64; 2] {
     let slow = match scene.instrument.map(|i| i.interaction) {
         Some(Interaction::Frictional { cutting_rate_reference, .. }) => cutting_rate_reference.get(),
         _ => f64::INFINITY,

@@ -32,7 +32,7 @@ impl Band {
 
     /// The band of a normal distribution.
     #[must_use]
-    pub fn normal(mean_n: f64, standard_deviation_n: f64) -> Self {
+    pub(crate) fn normal(mean_n: f64, standard_deviation_n: f64) -> Self {
         let half = HALF * standard_deviation_n;
         Self { mean_n, standard_deviation_n, low_n: mean_n - half, high_n: mean_n + half }
     }
@@ -56,7 +56,7 @@ fn moments(values: &[f64]) -> Option<(f64, f64)> {
 /// probability, (i + 1/2) / n (Hazen's rule). In between it is interpolated linearly; beyond the outermost values it
 /// is constant.
 #[must_use]
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+pub(crate) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let place = (share * sorted.len() as f64 - 0.5).clamp(0.0, (sorted.len() - 1) as f64);
     let (below, part) = (place.floor() as usize, place.fract());
     match sorted.get(below + 1) {
