@@ -12,6 +12,7 @@
 //! The handbook, `docs/README.md` in the repository, says how to use the programs.
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 pub mod cli;
 #[cfg(feature = "page")]

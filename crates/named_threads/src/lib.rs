@@ -1,5 +1,6 @@
 //! Threads with names.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 use std::io;
 use std::thread::{self, JoinHandle};

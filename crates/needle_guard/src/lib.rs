@@ -19,6 +19,7 @@
 //! The goal is a depth, or the depth of a target that moves with the tissue. The motion is a [`Trajectory`], so a
 //! moving goal is followed without overshoot. This crate uses no sockets and no clocks: times are passed in as ages.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod outlook;
 

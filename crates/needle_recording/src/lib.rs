@@ -1,5 +1,6 @@
 //! Input of a twin: depths, poses and forces, from live or recorded messages and from tables.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod adapter;
 mod align;

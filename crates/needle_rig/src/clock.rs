@@ -18,7 +18,7 @@ pub struct PlaybackClock {
 impl PlaybackClock {
     /// A clock that shows `bag_ns` at `wall`.
     #[must_use]
-    pub const fn new(wall: Instant, bag_ns: i64, rate: f64, paused: bool) -> Self {
+    pub(crate) const fn new(wall: Instant, bag_ns: i64, rate: f64, paused: bool) -> Self {
         Self { wall, bag_ns, rate, paused }
     }
 

@@ -58,7 +58,7 @@ pub struct Beside {
 impl Beside {
     /// Median of the default divided by the best median of a fixed number.
     #[must_use]
-    pub fn ratio(&self) -> f64 {
+    pub(crate) fn ratio(&self) -> f64 {
         let best = self.teams.iter().map(Team::median).fold(0.0, f64::max);
         self.teams.last().map_or(f64::NAN, |default| default.median() / best)
     }

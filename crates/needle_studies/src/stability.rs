@@ -205,7 +205,7 @@ impl Case {
     ///
     /// # Errors
     /// [`StudyError::Scene`] if the preset does not accept the keys.
-    pub fn scene(&self) -> Result<Scene, StudyError> {
+    pub(crate) fn scene(&self) -> Result<Scene, StudyError> {
         let depth = self.deepest_m.to_string();
         let mut keys = vec![("motion.depth_m", depth.as_str())];
         keys.extend(self.base);

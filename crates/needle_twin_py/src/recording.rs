@@ -18,7 +18,7 @@ use crate::error::{RecordingError, in_python};
 ///
 /// >>> recording = needle_twin.Recording("run.csv", position="Compression (mm)", force="Load (N)", time="Time (s)")
 #[pyclass(module = "needle_twin", frozen)]
-pub struct Recording {
+pub(crate) struct Recording {
     pub recording: needle_recording::Recording,
     pub pose_wanted: bool,
 }

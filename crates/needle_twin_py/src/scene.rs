@@ -29,7 +29,7 @@ pub(crate) fn presets() -> Vec<(&'static str, String)> {
 /// 0.001
 /// >>> scene["uncertainty.material.shear_modulus_pa"] = {"normal": [2000, 200]}    # mean, standard deviation
 #[pyclass(module = "needle_twin")]
-pub struct Scene {
+pub(crate) struct Scene {
     pub scene: scene::Scene,
 }
 

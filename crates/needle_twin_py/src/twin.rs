@@ -259,7 +259,7 @@ fn unit(axis: [f64; 3]) -> PyResult<[f64; 3]> {
 
 /// The answer to one pose.
 #[pyclass(module = "needle_twin", frozen)]
-pub struct Prediction {
+pub(crate) struct Prediction {
     prediction: twin::Prediction,
     axis: [f64; 3],
 }

@@ -14,6 +14,7 @@
 //! endpoints in a [`Plan`], one [`Inlets::mute`] or [`Inlets::mailbox`] for each in the same order, and
 //! [`Middleware::start`]s. From then on [`Link::send`] never waits, and [`Mailbox`]es hold what has come.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod bell;
 mod drops;

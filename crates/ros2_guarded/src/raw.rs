@@ -18,7 +18,7 @@ impl ros2_client::Message for RawCdr {}
 impl RawCdr {
     /// Takes bytes without an encapsulation header.
     #[must_use]
-    pub const fn new(bytes: Vec<u8>) -> Self {
+    pub(crate) const fn new(bytes: Vec<u8>) -> Self {
         Self { bytes, big_endian: false }
     }
 

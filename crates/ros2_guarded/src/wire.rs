@@ -172,7 +172,7 @@ impl Head {
     ///
     /// # Errors
     /// What `fill` says, or that the body is too long; then nothing is appended.
-    pub fn frame(
+    pub(crate) fn frame(
         self,
         bytes: &mut Vec<u8>,
         fill: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,

@@ -64,7 +64,7 @@ impl State {
 
     /// As a message.
     #[must_use]
-    pub fn message(self) -> msgs::State {
+    pub(crate) fn message(self) -> msgs::State {
         msgs::State { id: self as u8, label: self.label().to_owned() }
     }
 }
@@ -86,7 +86,7 @@ pub enum Change {
 
 /// A transition between two states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Transition {
+pub(crate) struct Transition {
     /// Number in `lifecycle_msgs/msg/Transition`.
     pub id: u8,
     /// Its name.
@@ -100,7 +100,7 @@ pub struct Transition {
 impl Transition {
     /// As a message.
     #[must_use]
-    pub fn message(self) -> msgs::Transition {
+    pub(crate) fn message(self) -> msgs::Transition {
         msgs::Transition { id: self.id, label: self.label.to_owned() }
     }
 
@@ -159,7 +159,7 @@ pub(crate) const TRANSITIONS: [Transition; 25] = {
 };
 
 /// Transitions that start in a state.
-pub fn from(state: State) -> impl Iterator<Item = Transition> {
+pub(crate) fn from(state: State) -> impl Iterator<Item = Transition> {
     TRANSITIONS.into_iter().filter(move |t| t.start == state)
 }
 

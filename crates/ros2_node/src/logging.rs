@@ -73,7 +73,7 @@ impl Severity {
 
 /// One line for `/rosout`.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub(crate) struct Record {
     /// Wall time, ns since 1970.
     pub wall_nanos: i64,
     /// Severity.

@@ -162,7 +162,7 @@ impl Recorder {
     ///
     /// # Errors
     /// [`NodeError::Other`] if no thread can be started.
-    pub fn start(self) -> Result<Recording, NodeError> {
+    pub(crate) fn start(self) -> Result<Recording, NodeError> {
         let Self { writer, sender, entries, backlog, .. } = self;
         tracing::info!("recording into {}", writer.folder().display());
         let shared = Arc::clone(&backlog);

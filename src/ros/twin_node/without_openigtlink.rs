@@ -16,7 +16,7 @@ impl Link {
     ///
     /// # Errors
     /// [`NodeError::Usage`] if the parameters enable it.
-    pub fn open(parameters: &Parameters, _: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn open(parameters: &Parameters, _: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
         if parameters.get(declared::OPENIGTLINK) {
             return Err(NodeError::Usage("openigtlink: this program was built without the feature slicer".to_owned()));
         }

@@ -49,7 +49,7 @@ impl Page {
     ///
     /// # Errors
     /// [`NodeError::Usage`] if the parameters enable it.
-    pub fn open(parameters: &Parameters, _: &Arc<Shared>, _: Bell) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn open(parameters: &Parameters, _: &Arc<Shared>, _: Bell) -> Result<Option<Self>, NodeError> {
         if parameters.get(declared::PAGE) {
             return Err(NodeError::Usage("page: this program was built without the feature page".to_owned()));
         }

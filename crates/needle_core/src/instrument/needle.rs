@@ -133,7 +133,7 @@ impl NeedlePath {
     /// A path of a length in m through some of `count` nodes, each with its reference depth in m. `watched` are the integration points
     /// whose strain decides about the puncture, `cells` the cell corners and the volume in m³ of every integration point.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         mut nodes: Vec<(u32, f64)>,
         count: usize,
         needle: Needle,
@@ -192,7 +192,7 @@ impl NeedlePath {
 
     /// The path of another needle, which differs from this one in its coefficients alone.
     #[must_use]
-    pub fn with(self, needle: Needle) -> Self {
+    pub(crate) fn with(self, needle: Needle) -> Self {
         Self { needle, ..self }
     }
 
@@ -204,7 +204,7 @@ impl NeedlePath {
 
     /// Vertical distance between the layers of nodes, m.
     #[must_use]
-    pub const fn layer(&self) -> f64 {
+    pub(crate) const fn layer(&self) -> f64 {
         self.layer
     }
 
@@ -251,13 +251,13 @@ impl NeedlePath {
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
     /// sqrt(V / (pi l)). It is under the capture radius by what the cloud doesn't resolve; 0 if it resolves nothing.
     #[must_use]
-    pub fn effective_radius(&self) -> f64 {
+    pub(crate) fn effective_radius(&self) -> f64 {
         self.effective_radius
     }
 
     /// Present state of the insertion.
     #[must_use]
-    pub fn insertion(&self) -> Insertion {
+    pub(crate) fn insertion(&self) -> Insertion {
         self.progress.state
     }
 

@@ -25,7 +25,7 @@ pub struct Own(Box<dyn Dynamic>);
 
 impl Own {
     /// Of a user's type.
-    pub fn new(instrument: impl Instrument) -> Self {
+    pub(crate) fn new(instrument: impl Instrument) -> Self {
         Self(Box::new(instrument))
     }
 

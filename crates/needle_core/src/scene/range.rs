@@ -18,7 +18,7 @@ pub struct Range {
 impl Range {
     /// `(low, high)`
     #[must_use]
-    pub const fn open(low: f64, high: f64) -> Self {
+    pub(crate) const fn open(low: f64, high: f64) -> Self {
         Self { low, low_allowed: false, high, high_allowed: false }
     }
 

@@ -72,7 +72,7 @@ impl Prior {
 
     /// Its two numbers, as a file has them.
     #[must_use]
-    pub const fn numbers(&self) -> [f64; 2] {
+    pub(crate) const fn numbers(&self) -> [f64; 2] {
         match *self {
             Self::Normal(a, b) | Self::Lognormal(a, b) | Self::Uniform(a, b) => [a, b],
         }
@@ -176,7 +176,7 @@ impl Uncertain {
     ///
     /// # Errors
     /// [`SceneError`] for a key that is not known or can't be uncertain, and for wrong numbers.
-    pub fn new(path: &str, word: &str, numbers: &[f64], place: &str) -> Result<Self, SceneError> {
+    pub(crate) fn new(path: &str, word: &str, numbers: &[f64], place: &str) -> Result<Self, SceneError> {
         let shown = format!("{{ {word} = {} }}", Value::from(numbers.to_vec()));
         let refuse = |reason: String| inconsistent(path, &shown, place, reason);
         let (range, allowed) = range_of(path, &shown, place)?;

@@ -32,7 +32,7 @@ pub struct Component {
 impl Component {
     /// The run's force along it; `None` if the instrument does not enter the sample.
     #[must_use]
-    pub fn path(&self, run: &Run) -> Option<ForcePath> {
+    pub(crate) fn path(&self, run: &Run) -> Option<ForcePath> {
         let force = |a: &Answer| dot(&a.predicted_vector_n, &self.unit);
         let finite = |a: &&Answer| [a.time_s, a.depth_m, force(a)].iter().all(|x| x.is_finite());
         let column = |of: &dyn Fn(&Answer) -> f64| run.answers.iter().filter(finite).map(of).collect();

@@ -20,7 +20,7 @@ pub struct Curve {
 impl Curve {
     /// Builds the curve from readings in order of time. Readings after the deepest one are left out.
     #[must_use]
-    pub fn of(depth_m: &[f64], measured_n: &[f64], predicted_n: &[f64]) -> Self {
+    pub(crate) fn of(depth_m: &[f64], measured_n: &[f64], predicted_n: &[f64]) -> Self {
         let Some(deepest) = (0..depth_m.len()).max_by(|&a, &b| depth_m[a].total_cmp(&depth_m[b])) else {
             return Self::default();
         };

@@ -117,7 +117,7 @@ impl ForcePath {
 
     /// The same for a force across the axis, which lateral motion changes as well.
     #[must_use]
-    pub fn across(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
+    pub(crate) fn across(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
         Self::with(time_s, depth_m, force_n, Curve::of_changes)
     }
 

@@ -37,7 +37,7 @@ impl Rows {
     /// The answers of a run that have a measured force, except while the tissue oscillates after the instrument
     /// separated.
     #[must_use]
-    pub fn of(run: &Run) -> Self {
+    pub(crate) fn of(run: &Run) -> Self {
         Self::pairs(run, |a| Some((a.predicted_n, a.measured_n?)))
     }
 
@@ -85,7 +85,7 @@ impl Rows {
 
     /// Number of rows.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.time_s.len()
     }
 

@@ -184,7 +184,7 @@ impl Uncertainty {
 
 /// Correlation of a covariance; `None` where a variance is 0.
 #[must_use]
-pub fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> Option<f64> {
+pub(crate) fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> Option<f64> {
     let both = (covariance[(a, a)] * covariance[(b, b)]).sqrt();
     (both > 0.0).then(|| (covariance[(a, b)] / both).clamp(-1.0, 1.0))
 }

@@ -85,7 +85,7 @@ impl Explains {
 
     /// The verdict as a clause of a sentence.
     #[must_use]
-    pub const fn sentence(self) -> &'static str {
+    pub(crate) const fn sentence(self) -> &'static str {
         match self {
             Self::Yes => "the model explains the measurement",
             Self::InPart => "the model explains the measurement in part",

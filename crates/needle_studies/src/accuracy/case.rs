@@ -98,7 +98,7 @@ impl Case {
     /// # Errors
     /// [`StudyError::NoCloud`] for a scene whose cloud is read from a file, [`StudyError::NoMotion`] for one without
     /// motion.
-    pub fn of(scene: &Scene) -> Result<Self, StudyError> {
+    pub(crate) fn of(scene: &Scene) -> Result<Self, StudyError> {
         let d = &scene.discretisation;
         let grading = scene.grading().ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
@@ -203,7 +203,7 @@ impl Case {
     ///
     /// # Errors
     /// [`StudyError::Scene`] if the scene does not accept the keys.
-    pub fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
+    pub(crate) fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
         let keys: Vec<_> = self.keys().iter().map(|(path, value)| Override::text(path, value, "study")).collect();
         // a correction belongs to the scene's own cloud
         let plain = Scene { correction: None, ..scene.clone() };
@@ -255,7 +255,7 @@ impl Case {
 
     /// Description of the integration points: `1 point per cell`, `1 point per 2 cells`.
     #[must_use]
-    pub fn integration(&self) -> String {
+    pub(crate) fn integration(&self) -> String {
         if self.has_hexahedra() {
             let plural = if self.points_per_hexahedron == 1 { "" } else { "s" };
             return format!("{} point{plural} per hexahedron", self.points_per_hexahedron);

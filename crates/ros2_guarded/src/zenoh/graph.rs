@@ -29,7 +29,7 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    pub fn new(plan: &Plan, session: String, uplink: &Arc<Uplink>) -> Self {
+    pub(crate) fn new(plan: &Plan, session: String, uplink: &Arc<Uplink>) -> Self {
         let records = (0..).zip(&plan.endpoints).filter_map(|(number, endpoint)| record(number, endpoint)).collect();
         Self { session, records: Mutex::new(records), warned: Mutex::default(), uplink: Arc::clone(uplink) }
     }

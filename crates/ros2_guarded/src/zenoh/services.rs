@@ -27,7 +27,7 @@ impl Served {
     ///
     /// # Errors
     /// What Zenoh says.
-    pub fn new(number: u16, key: &str, session: &Session, uplink: &Arc<Uplink>) -> zenoh::Result<Self> {
+    pub(crate) fn new(number: u16, key: &str, session: &Session, uplink: &Arc<Uplink>) -> zenoh::Result<Self> {
         let waiting = Waiting::default();
         let (asked, uplink) = (Arc::clone(&waiting), Arc::clone(uplink));
         let take = move |query: Query| {
@@ -69,7 +69,7 @@ pub(super) struct Caller {
 }
 
 impl Caller {
-    pub fn new(number: u16, key: String, token: &str) -> Self {
+    pub(crate) fn new(number: u16, key: String, token: &str) -> Self {
         Self { number, key, gid: gid(token), calls: AtomicI64::new(0) }
     }
 

@@ -40,7 +40,13 @@ impl Writer {
     ///
     /// # Errors
     /// What Zenoh says.
-    pub fn new(number: u16, key: &str, token: &str, session: &Session, profile: &QosProfile) -> zenoh::Result<Self> {
+    pub(crate) fn new(
+        number: u16,
+        key: &str,
+        token: &str,
+        session: &Session,
+        profile: &QosProfile,
+    ) -> zenoh::Result<Self> {
         let all = profile.history == History::KeepAll && matches!(profile.reliability, Reliability::Reliable { .. });
         let congestion = if all { CongestionControl::Block } else { CongestionControl::Drop };
         // Not gathered with later ones: a force is of use at once.

@@ -30,7 +30,7 @@ impl Shaft {
 
     /// Points that stand for the same share each of a tip's face at a layer; with an axis of `symmetry`, on a radius.
     #[must_use]
-    pub fn face(&self, axis: &Axis, top: f64, symmetry: bool) -> Vec<[f64; 3]> {
+    pub(crate) fn face(&self, axis: &Axis, top: f64, symmetry: bool) -> Vec<[f64; 3]> {
         let secant = axis.secant();
         let depth = self.depths[self.faced()] / secant;
         let [x, y] = axis.at(depth);

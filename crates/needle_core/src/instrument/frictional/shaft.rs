@@ -25,7 +25,7 @@ pub struct Resistance {
 impl Resistance {
     /// Of the scene's region by number (0: none).
     #[must_use]
-    pub fn of(scene: &Scene, region: u8, diameter: f64) -> Self {
+    pub(crate) fn of(scene: &Scene, region: u8, diameter: f64) -> Self {
         let named = |r: &Region| scene.materials.iter().find(|m| m.name == r.material);
         match region.checked_sub(1).and_then(|i| scene.regions.get(usize::from(i))).and_then(named) {
             Some(NamedMaterial { material, pierced, .. }) => Self {
@@ -100,7 +100,7 @@ impl Shaft {
     /// in layers that
     /// of rings. `spacing`: least distance between layers, m.
     #[must_use]
-    pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
+    pub(crate) fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1));
         let layers: Vec<Vec<(u32, f64, f64)>> = nodes
             .chunk_by(|a, b| b.1 - a.1 < SAME * spacing)
@@ -134,7 +134,7 @@ impl Shaft {
 
     /// Along an axis that meets the body's top at a height, m, through nodes at these places, m.
     #[must_use]
-    pub fn along(mut self, axis: &Axis, top: f64, points: &[[f64; 3]]) -> Self {
+    pub(crate) fn along(mut self, axis: &Axis, top: f64, points: &[[f64; 3]]) -> Self {
         let secant = axis.secant();
         self.axis = [axis.slope[0], axis.slope[1], -1.0].map(|x| x / secant);
         self.outward = self.nodes.iter().map(|&n| axis.outward(top, points[n as usize])).collect();
@@ -165,7 +165,7 @@ impl Shaft {
 
     /// Layer at or above a depth, and how far the depth is from there to the next one.
     #[must_use]
-    pub fn place(&self, depth: f64) -> (usize, f64) {
+    pub(crate) fn place(&self, depth: f64) -> (usize, f64) {
         let near = 1e-6 * self.radius;
         let k = self.depths.partition_point(|z| *z <= depth + near).clamp(1, self.depths.len() - 1) - 1;
         let share = (depth - self.depths[k]) / (self.depths[k + 1] - self.depths[k]);
@@ -230,7 +230,7 @@ impl Shaft {
     }
 
     /// Places of the nodes of a layer.
-    pub fn layer(&self, layer: usize) -> std::ops::Range<usize> {
+    pub(crate) fn layer(&self, layer: usize) -> std::ops::Range<usize> {
         self.first[layer]..self.first[layer + 1]
     }
 

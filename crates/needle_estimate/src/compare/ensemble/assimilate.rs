@@ -215,7 +215,7 @@ impl Assimilation {
     /// Forecast of a future reading of the load cell, given the members' predictions of it. `None` if one of them is
     /// not finite.
     #[must_use]
-    pub fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
+    pub(crate) fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
         let (mean, reading) = self.reading(&Observed { measured_n: 0.0, ..ahead.clone() });
         let forecast = Forecast::of(mean, self.learner.expected(self.force, ahead.time_s, &reading));
         Some(forecast).filter(|f| f.mean_n.is_finite() && f.standard_deviation_n.is_finite())

@@ -22,7 +22,7 @@ impl Band {
 
     /// The band of the finite forces; `None` if there are none.
     #[must_use]
-    pub fn of(forces: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn of(forces: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = forces.filter(|f| f.is_finite()).collect();
         sorted.sort_unstable_by(f64::total_cmp);
         let (mean_n, variance) = moments(&sorted)?;
@@ -77,7 +77,7 @@ pub struct Spread {
 impl Spread {
     /// Mean and covariance (with n - 1) of positions; `None` without positions.
     #[must_use]
-    pub fn of(positions: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
+    pub(crate) fn of(positions: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
         let all: Vec<[f64; 3]> = positions.filter(|p| p.iter().all(|x| x.is_finite())).collect();
         let n = all.len() as f64;
         if all.is_empty() {
