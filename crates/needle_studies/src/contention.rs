@@ -95,7 +95,7 @@ pub fn loads(processors: usize) -> Vec<usize> {
     loads
 }
 
-/// Runs teams of one, two and all threads in turn during some loops, [`ROUNDS`] times; `None` if `watch` cancelled
+/// Runs teams of one, two and all threads in turn during some loops, `ROUNDS` times; `None` if `watch` cancelled
 /// it.
 ///
 /// # Errors

@@ -301,7 +301,7 @@ fn insertion(
     }))
 }
 
-/// Runs [`MOTIONS`] and passes each to `row`; ends early if `progress` is cancelled.
+/// Runs `MOTIONS` and passes each to `row`; ends early if `progress` is cancelled.
 ///
 /// # Errors
 /// [`SpeedError`] if the scene can't be built or the twin halts.

@@ -166,7 +166,7 @@ pub struct Row {
     pub nodes: usize,
     /// Furthest depth, m.
     pub depth_m: f64,
-    /// [`Ended::word`].
+    /// `Ended::word`.
     pub ended: String,
     /// Predicted over reference force - 1 at 4 mm, or at the reference's last depth before that. Only if Poisson's
     /// ratio is the reference's and there is no layer.

@@ -42,7 +42,7 @@ pub struct Key {
     pub reason: &'static str,
     /// Whether it can change while the twin runs.
     pub live: bool,
-    /// Whether [`AUTO`] is taken as well: the program chooses.
+    /// Whether `AUTO` is taken as well: the program chooses.
     pub auto: bool,
 }
 
@@ -223,7 +223,7 @@ impl Key {
     /// Reads a value from the text after `--set key=`, by the key's own type: text and words need no quotes.
     ///
     /// # Errors
-    /// As [`Key::check`].
+    /// [`SceneError`]: no value of this key.
     pub fn parse(&self, text: &str, place: &str) -> Result<Value, SceneError> {
         self.parse_at(text, self.path, place)
     }

@@ -16,7 +16,7 @@
 //!
 //! If the load cell measured a vector and the model predicts one, the components across the axis are used too
 //! (`beside`). They share shifts and factor with the axial force. Each has its own zero and drift and is weighted by
-//! its noise ([`super::components`]). They determine the clock offset of a needle that moves laterally at constant
+//! its noise (`components`). They determine the clock offset of a needle that moves laterally at constant
 //! depth.
 //!
 //! Errors are those of [`super::uncertainty`]. A motion at constant speed can't distinguish c from tau. Then tau is

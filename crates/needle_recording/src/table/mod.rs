@@ -150,7 +150,7 @@ impl Table {
     ///
     /// # Errors
     /// [`TableError`].
-    pub(crate) fn read(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
+    pub fn read(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
         Self::of_source(path, Source::of_file(path, &said.layout)?, said, file_number)
     }
 

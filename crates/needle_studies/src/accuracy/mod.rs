@@ -83,7 +83,7 @@ impl Case {
     /// # Errors
     /// [`StudyError`] if the scene does not accept the case. A model that can't be built or diverges is a result, not
     /// an error.
-    pub(crate) fn run(
+    pub fn run(
         &self,
         scene: &Scene,
         reference_solution: &ReferenceSolution,

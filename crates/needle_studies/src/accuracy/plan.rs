@@ -116,7 +116,7 @@ pub fn plan(scene: &Scene, extent: Extent) -> Result<Vec<Case>, StudyError> {
 }
 
 /// Cases with names, which readers look for first: the scene as it is, the same in three dimensions, and
-/// [`source_paper`].
+/// `source_paper`.
 ///
 /// # Errors
 /// As [`plan`].

@@ -30,7 +30,7 @@ pub struct Row {
     /// that depth.
     pub displacement_error: Option<f64>,
     /// The same during the motion, over the point's largest displacement, if the reference solution contains it
-    /// ([`super::super::reference_solution::ReferenceSolution::way_error`]).
+    /// (`reference_solution::ReferenceSolution::way_error`).
     pub way_error: Option<f64>,
     /// Smallest volume ratio during the run.
     pub min_jacobian: f64,

@@ -80,7 +80,7 @@ pub struct Shaft {
     pub rings: Vec<Vec<usize>>,
     /// Place of each layer's first node, and the number of nodes.
     first: Vec<usize>,
-    /// Share of each ring of the layer with most of them in the push of the tip's face ([`Shaft::with_face`]).
+    /// Share of each ring of the layer with most of them in the push of the tip's face (`Shaft::with_face`).
     pub areas: Vec<f64>,
     /// What lies under each layer.
     pub under: Vec<Resistance>,
