@@ -118,9 +118,11 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Node(#[from] NodeError),
     /// The demo can't be played.
+    #[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "made by commands that need ROS"))]
     #[error("demo: {0}")]
     Demo(String),
     /// A node that this program starts does not run.
+    #[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "made by commands that need ROS"))]
     #[error("{0}")]
     Nodes(String),
     /// What is for a report of a fault can't be written.
