@@ -21,7 +21,7 @@ use rosbag2_mcap::BagError;
 /// Why a command failed: what, where, what to do. Printed once, at the edge.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum CliError {
+pub(crate) enum CliError {
     /// The scene is wrong.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -118,9 +118,11 @@ pub enum CliError {
     #[error(transparent)]
     Node(#[from] NodeError),
     /// The demo can't be played.
+    #[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "made by commands that need ROS"))]
     #[error("demo: {0}")]
     Demo(String),
     /// A node that this program starts does not run.
+    #[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "made by commands that need ROS"))]
     #[error("{0}")]
     Nodes(String),
     /// What is for a report of a fault can't be written.

@@ -38,7 +38,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-pub use error::CliError;
+pub(crate) use error::CliError;
 
 #[cfg(feature = "ros")]
 use crate::ros::{guard_node, rig_node, twin_node};
@@ -100,7 +100,7 @@ struct NodeArguments {
 
 /// How a command ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub(crate) enum Outcome {
     /// Everything was done.
     Complete,
     /// It ended, but data was lost, the model diverged, or it isn't to be trusted.

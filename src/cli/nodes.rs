@@ -21,7 +21,7 @@ pub(super) struct Node {
 
 impl Node {
     /// Starts `needle_twin COMMAND ARGUMENTS...` in a domain of the loopback. Its log goes into a file.
-    pub fn start(command: &'static str, arguments: &[&str], domain: u16, logs: &Path) -> Result<Self, CliError> {
+    pub(crate) fn start(command: &'static str, arguments: &[&str], domain: u16, logs: &Path) -> Result<Self, CliError> {
         let log = logs.join(format!("{}.log", command.replace('-', "_")));
         let fail = |reason: String| CliError::Nodes(format!("{command} can't be started: {reason}"));
         // The built program itself: an installed twin_node beside it may be of another version.
@@ -49,12 +49,12 @@ impl Node {
     }
 
     /// Its process.
-    pub fn process(&self) -> Pid {
+    pub(crate) fn process(&self) -> Pid {
         Pid::from_child(&self.child)
     }
 
     /// Its middleware process, a child of its own.
-    pub fn middleware(&self) -> Option<Pid> {
+    pub(crate) fn middleware(&self) -> Option<Pid> {
         let parent = self.child.id();
         let all = std::fs::read_dir("/proc").ok()?.flatten();
         let of_parent = |process: &i32| {
@@ -66,12 +66,12 @@ impl Node {
     }
 
     /// The exit status, if it has ended.
-    pub fn ended(&mut self) -> Option<ExitStatus> {
+    pub(crate) fn ended(&mut self) -> Option<ExitStatus> {
         self.child.try_wait().ok().flatten()
     }
 
     /// An error with the end of the node's log.
-    pub fn failure(&self, what: &str) -> CliError {
+    pub(crate) fn failure(&self, what: &str) -> CliError {
         let text = std::fs::read_to_string(&self.log).unwrap_or_default();
         let lines: Vec<&str> = text.lines().collect();
         let tail = lines[lines.len().saturating_sub(TAIL)..].join("\n  ");
@@ -79,7 +79,7 @@ impl Node {
     }
 
     /// Asks it to stop as Ctrl-C does and waits; `None` if it had to be killed.
-    pub fn stop(&mut self, patience: Duration) -> Option<ExitStatus> {
+    pub(crate) fn stop(&mut self, patience: Duration) -> Option<ExitStatus> {
         if let Some(status) = self.ended() {
             return Some(status);
         }

@@ -11,10 +11,10 @@ pub(super) struct Shard {
 
 impl Shard {
     /// All of it.
-    pub const WHOLE: Self = Self { number: 1, of: 1 };
+    pub(crate) const WHOLE: Self = Self { number: 1, of: 1 };
 
     /// Whether piece i, from 0, is of this part.
-    pub const fn has(self, i: usize) -> bool {
+    pub(crate) const fn has(self, i: usize) -> bool {
         i % self.of == self.number - 1
     }
 }

@@ -4,8 +4,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::frame::{Frame, Model, unit_m};
-use crate::served::{self, News};
 use axum::extract::ws::Message;
+use served::News;
 
 /// Largest number of simultaneous viewers.
 pub const VIEWERS: usize = 16;
@@ -64,12 +64,12 @@ impl Board {
     }
 
     /// Shows phase, pace, latency, health: a JSON object with `"kind": "status"`.
-    pub fn status(&self, json: String) {
+    pub(crate) fn status(&self, json: String) {
         self.put(Place::Status, Message::Text(json.into()));
     }
 
     /// Shows the present point of the curves, and the events: a JSON object with `"kind": "figures"`.
-    pub fn figures(&self, json: String) {
+    pub(crate) fn figures(&self, json: String) {
         self.put(Place::Figures, Message::Text(json.into()));
     }
 

@@ -20,18 +20,18 @@ pub(super) struct Door {
 
 impl Door {
     /// Creates a new token.
-    pub fn new(served: SocketAddr) -> Self {
+    pub(crate) fn new(served: SocketAddr) -> Self {
         let bytes: [u8; BYTES] = rand::random();
         Self { served, token: bytes.iter().map(|b| format!("{b:02x}")).collect() }
     }
 
     /// The token, which the node prints.
-    pub fn token(&self) -> &str {
+    pub(crate) fn token(&self) -> &str {
         &self.token
     }
 
     /// Compares in constant time.
-    pub fn is_token(&self, given: &str) -> bool {
+    pub(crate) fn is_token(&self, given: &str) -> bool {
         let differ = self.token.bytes().zip(given.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
         given.len() == self.token.len() && differ == 0
     }
@@ -40,7 +40,7 @@ impl Door {
     ///
     /// # Errors
     /// The reason of the rejection, for the client.
-    pub fn admits(&self, headers: &HeaderMap) -> Result<(), &'static str> {
+    pub(crate) fn admits(&self, headers: &HeaderMap) -> Result<(), &'static str> {
         let host = only(headers, header::HOST).ok_or("one Host is needed")?;
         if !self.is_served(host) {
             return Err("this Host is not served here: use the address that the node prints");

@@ -20,5 +20,5 @@ mod viewer;
 pub use board::{Board, PERIOD, VIEWERS};
 pub use error::LiveError;
 pub use frame::{Frame, Model};
-pub use request::{Command, LONGEST_MARK, LONGEST_REQUEST, Request};
+pub use request::{Command, LONGEST_MARK, Request};
 pub use server::{Asked, Server};

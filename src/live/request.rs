@@ -4,7 +4,7 @@
 use serde::Deserialize;
 
 /// Largest request, bytes.
-pub const LONGEST_REQUEST: usize = 1024;
+pub(crate) const LONGEST_REQUEST: usize = 1024;
 /// Longest text of a mark, characters.
 pub const LONGEST_MARK: usize = 80;
 

@@ -24,7 +24,7 @@ use super::error::LiveError;
 use super::page;
 use super::request::{Command, LONGEST_REQUEST};
 use super::viewer;
-use crate::served::{Service, accept, bind};
+use served::{Service, accept, bind};
 
 /// Largest number of simultaneous connections other than viewers.
 const CONNECTIONS: usize = 32;
@@ -66,7 +66,7 @@ pub(super) struct Desk {
 
 impl Desk {
     /// Queues a command; `None` if the queue is full.
-    pub fn ask(&self, command: Command) -> Option<oneshot::Receiver<Reply>> {
+    pub(crate) fn ask(&self, command: Command) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
         self.asked.try_send(Asked { command, reply }).ok()?;
         (self.ring)();

@@ -2,8 +2,8 @@
 //!
 //! The functions that every ROS 2 program needs are in the crate `ros2_node`.
 
-pub mod guard_node;
-pub mod observer;
+pub(crate) mod guard_node;
+pub(crate) mod observer;
 pub mod rig_node;
 mod scene_parameters;
 pub mod twin_node;

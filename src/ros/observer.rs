@@ -23,7 +23,7 @@ const DEPTH: usize = 4000;
 
 /// A value with the stamp of its header and the wall time of its reception, both in ns.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Heard<T> {
+pub(crate) struct Heard<T> {
     /// Stamp of the header.
     pub stamp_ns: i64,
     /// Time of reception.
@@ -34,7 +34,7 @@ pub struct Heard<T> {
 
 /// Jacobian and von Mises stress (Pa) at the reference points.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PointFields {
+pub(crate) struct PointFields {
     /// Volume ratio.
     pub jacobian: Vec<f64>,
     /// Stress, Pa.
@@ -43,7 +43,7 @@ pub struct PointFields {
 
 /// All received messages, in the order of reception.
 #[derive(Debug, Default)]
-pub struct Observations {
+pub(crate) struct Observations {
     /// The model, once the twin has built it.
     pub model: Option<TissueModel>,
     /// Depth of the first joint, m.
@@ -94,7 +94,7 @@ impl Recorder {
 }
 
 /// See the module.
-pub struct Observer {
+pub(crate) struct Observer {
     joint: Input<JointState>,
     wrench: Input<WrenchStamped>,
     force: Input<WrenchStamped>,
@@ -121,7 +121,7 @@ impl Observer {
     ///
     /// # Errors
     /// [`NodeError`] if the network can't be joined.
-    pub fn join(environment: &Environment, bag: Option<BagWriter>) -> Result<Self, NodeError> {
+    pub(crate) fn join(environment: &Environment, bag: Option<BagWriter>) -> Result<Self, NodeError> {
         let names = Names::new("demo", &RosArguments::default())?;
         let mut participant = Participant::new(names, environment, &RosArguments::default())?;
         let mut observer = Self {
@@ -150,12 +150,12 @@ impl Observer {
 
     /// Whether there are publishers of both rig and twin.
     #[must_use]
-    pub fn is_connected(&self) -> bool {
+    pub(crate) fn is_connected(&self) -> bool {
         self.joint.publishers() > 0 && self.wrench.publishers() > 0 && self.force.publishers() > 0
     }
 
     /// Calls the rig's `~/resume` until it answers; returns true after the answer.
-    pub fn resume_rig(&mut self) -> bool {
+    pub(crate) fn resume_rig(&mut self) -> bool {
         if !self.resumed && self.asked.is_none_or(|at| at.elapsed() > Duration::from_millis(500)) {
             self.asked = Some(Instant::now());
             if !self.resume.ask(&Empty::default()) {
@@ -167,7 +167,7 @@ impl Observer {
     }
 
     /// Takes all messages that have arrived.
-    pub fn poll(&mut self) {
+    pub(crate) fn poll(&mut self) {
         let Self { heard, recorder, .. } = self;
         let (reliable, best_effort) = (Qos::reliable(10), Qos::best_effort(5));
         drain(&self.joint, recorder, &reliable, |m, [received, _]| {
@@ -208,7 +208,7 @@ impl Observer {
 
     /// Leaves the network and closes the bag. Returns the received messages, and the error of the recording, if any.
     #[must_use]
-    pub fn leave(mut self) -> (Observations, Option<String>) {
+    pub(crate) fn leave(mut self) -> (Observations, Option<String>) {
         drop(self.participant.take());
         let failed = self.recorder.and_then(|recorder| match (recorder.failed, recorder.writer.finish()) {
             (Some(error), _) => Some(error),

@@ -12,14 +12,14 @@ use ros2_node::start::NodeError;
 ///
 /// # Errors
 /// [`NodeError`] if it is neither, or the file is not valid.
-pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
+pub(crate) fn load(name_or_path: &str) -> Result<Scene, NodeError> {
     file::load(name_or_path).map_err(NodeError::program)
 }
 
 /// One declaration per key that applies to the scene; the scene's own value is the default. The description is prose, which
 /// `ros2 param load` would take for YAML.
 #[must_use]
-pub fn declarations(scene: &Scene) -> Vec<Declaration> {
+pub(crate) fn declarations(scene: &Scene) -> Vec<Declaration> {
     scene
         .entries()
         .into_iter()
@@ -46,7 +46,7 @@ pub fn declarations(scene: &Scene) -> Vec<Declaration> {
 ///
 /// # Errors
 /// [`NodeError::Program`] if the scene rejects a value.
-pub fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Result<Scene, NodeError> {
+pub(crate) fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Result<Scene, NodeError> {
     let changes: Vec<Override> = overrides
         .iter()
         .filter(|o| names::pattern_matches(&o.node_pattern, node) && keys::find(&o.name).is_some())

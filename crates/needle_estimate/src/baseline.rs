@@ -28,7 +28,7 @@ use crate::compare::{Curve, Run};
 use needle_core::scene::{IndenterTip, InstrumentKind, Scene};
 
 /// Name of the mean of other recordings.
-pub const OTHERS: &str = "others";
+pub(crate) const OTHERS: &str = "others";
 /// Fewest fitted readings under which nothing is said.
 const LEAST_FITTED: usize = 5;
 /// Number of lengths of the exponential that are tried, and their range over the deepest fitted depth.
@@ -92,7 +92,7 @@ impl Contact {
 /// `depth_m` holds the depth of every pose, m. `measured` holds the index of a pose and the force there, N; poses
 /// after the last of them are predicted. Empty if there are too few readings.
 #[must_use]
-pub fn forecasts(
+pub(crate) fn forecasts(
     scene: Option<&Scene>,
     depth_m: &[f64],
     measured: &[(usize, f64)],
@@ -309,7 +309,7 @@ impl Against {
 
     /// Compares two errors.
     #[must_use]
-    pub fn of(twin_n: f64, baseline_n: f64) -> Self {
+    pub(crate) fn of(twin_n: f64, baseline_n: f64) -> Self {
         if !twin_n.is_finite() || !baseline_n.is_finite() {
             Self::NoMeasurement
         } else if twin_n <= baseline_n / (1.0 + AS_GOOD) {
@@ -349,7 +349,7 @@ pub struct Standing {
 impl Standing {
     /// Compares over some of the readings. `twin_n` and `measured_n` have one entry for each pose.
     #[must_use]
-    pub fn over(readings: &[usize], twin_n: &[f64], measured_n: &[f64], forecasts: &[Forecast]) -> Option<Self> {
+    pub(crate) fn over(readings: &[usize], twin_n: &[f64], measured_n: &[f64], forecasts: &[Forecast]) -> Option<Self> {
         let measured: Vec<f64> = readings.iter().map(|&i| measured_n[i]).collect();
         let error = |of: &[f64]| rmse(&measured, &readings.iter().map(|&i| of[i]).collect::<Vec<f64>>());
         (!readings.is_empty()).then(|| Self {

@@ -327,7 +327,7 @@ pub struct Judged {
 impl Prediction {
     /// Index of the first predicted pose.
     #[must_use]
-    pub fn first_predicted(&self) -> usize {
+    pub(crate) fn first_predicted(&self) -> usize {
         self.time_s.partition_point(|t| *t <= self.cut_s)
     }
 

@@ -4,6 +4,7 @@
 //! keys from a recorded force, and [`layers`] the tissue's layers. [`batch`] does this for hundreds of recordings.
 #![allow(non_snake_case)] // the code uses the formula's own symbols
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 pub mod baseline;
 pub mod batch;

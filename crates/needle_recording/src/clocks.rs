@@ -68,7 +68,7 @@ pub(super) struct Census {
 const BASES: [Base; 3] = [Base::Stamps, Base::Published, Base::Recorded];
 
 impl Census {
-    pub fn of<V: PartialEq>(of: &Gathered<V>) -> Self {
+    pub(crate) fn of<V: PartialEq>(of: &Gathered<V>) -> Self {
         let stamped: Vec<&Arrival> = of.samples.iter().map(|(at, _)| at).filter(|at| at.is_stamped()).collect();
         let repeats = BASES.map(|base| {
             let same = |pair: &&[(Arrival, V)]| pair[0].0.at(base) == pair[1].0.at(base) && pair[0].1 != pair[1].1;

@@ -54,7 +54,7 @@ impl ForceSeries {
 
     /// Sets the intervals without recorded data during which the instrument may have moved, from and to, s.
     #[must_use]
-    pub fn with_holes(self, holes: Vec<[f64; 2]>) -> Self {
+    pub(crate) fn with_holes(self, holes: Vec<[f64; 2]>) -> Self {
         Self { holes, ..self }
     }
 

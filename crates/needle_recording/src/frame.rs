@@ -29,7 +29,7 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    pub fn of(said: &Selection) -> Result<Self, FrameError> {
+    pub(crate) fn of(said: &Selection) -> Result<Self, FrameError> {
         let turned = |option, [w, x, y, z]: [f64; 4], values: &[f64]| {
             let q = Quaternion::new(w, x, y, z);
             let reason = "a quaternion of norm 1 is needed";
@@ -48,19 +48,19 @@ impl Frames {
     }
 
     /// A pose in the frame of the sample.
-    pub fn pose(&self, pose: Pose) -> Pose {
+    pub(crate) fn pose(&self, pose: Pose) -> Pose {
         let Some((origin, orientation)) = &self.sample else { return pose };
         let tip = orientation.inverse_transform_vector(&(Vector3::from(pose.tip) - origin));
         Pose { tip: tip.into(), axis: orientation.inverse_transform_vector(&Vector3::from(pose.axis)).into() }
     }
 
     /// A point in the frame of the sample.
-    pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn point(&self, point: [f64; 3]) -> [f64; 3] {
         self.pose(Pose { tip: point, axis: [0.0, 0.0, -1.0] }).tip
     }
 
     /// A force in the frame of the sample. `with_poses`: it was recorded in the frame of the poses.
-    pub fn force(&self, force_n: [f64; 3], with_poses: bool) -> [f64; 3] {
+    pub(crate) fn force(&self, force_n: [f64; 3], with_poses: bool) -> [f64; 3] {
         let force = Vector3::from(force_n);
         match (&self.sensor, &self.sample) {
             (Some(sensor), _) => sensor.transform_vector(&force).into(),
@@ -70,7 +70,7 @@ impl Frames {
     }
 
     /// Whether the user gave the frame of the sensor.
-    pub const fn knows_sensor(&self) -> bool {
+    pub(crate) const fn knows_sensor(&self) -> bool {
         self.sensor.is_some()
     }
 }

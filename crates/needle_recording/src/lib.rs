@@ -1,5 +1,6 @@
 //! Input of a twin: depths, poses and forces, from live or recorded messages and from tables.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod adapter;
 mod align;
@@ -21,12 +22,14 @@ mod write;
 
 pub use adapter::{Adapter, Refusal};
 pub use force_series::ForceSeries;
-pub use foreign::{ForceSource, ForeignError, PositionSource};
+pub use foreign::ForeignError;
+pub use foreign::{ForceSource, PositionSource};
 pub use frame::FrameError;
 pub use reading::{At, Reading};
-pub use recording::{
-    DepthSample, ForceSample, MarkerSample, PoseSample, Recording, RecordingError, TopicNames, is_bag, tables,
-};
-pub use selection::{Quantity, Selection, TableLayout, UnknownUnit};
-pub use table::{Clock, Column, Columns, Table, TableError, blocks};
+pub use recording::{DepthSample, MarkerSample, Recording, RecordingError, TopicNames, is_bag, tables};
+pub use recording::{ForceSample, PoseSample};
+pub use selection::UnknownUnit;
+pub use selection::{Quantity, Selection, TableLayout};
+pub use table::TableError;
+pub use table::{Clock, Column, Columns, Table, blocks};
 pub use unit::Dimension;

@@ -34,7 +34,7 @@ pub(super) struct Ordered<V> {
 
 impl<V: PartialEq> Ordered<V> {
     /// Sorts samples given in the order of recording.
-    pub fn new(samples: Samples<V>) -> Self {
+    pub(crate) fn new(samples: Samples<V>) -> Self {
         let follows = |pair: &[(i64, V)]| pair[0].0 < pair[1].0 && pair[1].0.saturating_sub(pair[0].0) < DAY_NS;
         // nothing is to be done of most recordings, and no copy of them to be made
         if samples.windows(2).all(follows) {

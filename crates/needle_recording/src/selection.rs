@@ -23,13 +23,13 @@ pub struct Quantity {
 impl Quantity {
     /// Whether the recorded numbers are used unchanged.
     #[must_use]
-    pub const fn is_plain(&self) -> bool {
+    pub(crate) const fn is_plain(&self) -> bool {
         self.place.is_none() && self.unit.is_none() && !self.reversed && self.zero == 0.0 && self.factor.is_none()
     }
 
     /// +1 or -1.
     #[must_use]
-    pub const fn sign(&self) -> f64 {
+    pub(crate) const fn sign(&self) -> f64 {
         if self.reversed { -1.0 } else { 1.0 }
     }
 

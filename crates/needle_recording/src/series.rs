@@ -46,7 +46,7 @@ impl<V, E> From<Result<V, E>> for Held<V, E> {
 
 impl Reading<'_> {
     /// Values of one topic in the order of the bag. Messages without a value are counted by the reason.
-    pub fn gather<V, E: Display>(
+    pub(crate) fn gather<V, E: Display>(
         &mut self,
         topic: Option<usize>,
         value: impl Fn(&Message) -> Result<(Held<V, E>, Header), String>,
@@ -84,7 +84,7 @@ impl Reading<'_> {
     }
 
     /// Counts messages as lost, by the reason.
-    pub fn lose(&mut self, topic: &str, reasons: BTreeMap<String, u64>) {
+    pub(crate) fn lose(&mut self, topic: &str, reasons: BTreeMap<String, u64>) {
         let lost = reasons.into_iter();
         self.losses.extend(lost.map(|(reason, count)| Loss::Samples { topic: topic.to_owned(), count, reason }));
     }

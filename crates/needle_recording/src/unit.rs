@@ -56,7 +56,7 @@ impl Dimension {
     /// Size of a unit in s, m or N. A micro sign counts as u. Case matters, except for units that are unambiguous in
     /// any case (`MM`, `Sec`).
     #[must_use]
-    pub fn unit(self, text: &str) -> Option<f64> {
+    pub(crate) fn unit(self, text: &str) -> Option<f64> {
         let text = text.trim().replace(['µ', 'μ'], "u");
         let exact = self.units().iter().find(|(name, _)| *name == text);
         // MN is not mN, and Ms is not ms
@@ -68,13 +68,13 @@ impl Dimension {
 
     /// The units, for messages.
     #[must_use]
-    pub fn names(self) -> String {
+    pub(crate) fn names(self) -> String {
         self.units().iter().map(|(name, _)| *name).filter(|name| name.is_ascii()).collect::<Vec<_>>().join(", ")
     }
 
     /// The unit in a header: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
     #[must_use]
-    pub fn of_header(self, header: &str) -> Option<(String, f64)> {
+    pub(crate) fn of_header(self, header: &str) -> Option<(String, f64)> {
         let within = |open: char, close: char| {
             let (_, rest) = header.rsplit_once(open)?;
             rest.split_once(close).map(|(unit, _)| unit)

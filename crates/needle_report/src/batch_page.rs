@@ -36,7 +36,7 @@ fn figure(x: f64) -> String {
 
 /// Content of the page.
 #[must_use]
-pub fn batch_html(merged: &Merged) -> String {
+pub(crate) fn batch_html(merged: &Merged) -> String {
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>Recordings</title><style>{STYLE}</style><h1>{} recordings</h1>\n",

@@ -15,7 +15,7 @@ pub(super) struct Rendered {
 }
 
 impl Rendered {
-    pub fn new(name: impl Into<String>, content: impl Into<Vec<u8>>) -> Self {
+    pub(crate) fn new(name: impl Into<String>, content: impl Into<Vec<u8>>) -> Self {
         Self { name: name.into(), content: content.into() }
     }
 }

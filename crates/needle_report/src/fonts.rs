@@ -35,21 +35,21 @@ pub(super) struct Fonts {
 }
 
 impl Fonts {
-    pub fn load() -> Result<Self, ab_glyph::InvalidFont> {
+    pub(crate) fn load() -> Result<Self, ab_glyph::InvalidFont> {
         Ok(Self { regular: FontRef::try_from_slice(REGULAR)?, semibold: FontRef::try_from_slice(SEMIBOLD)? })
     }
 
-    pub const fn face(&self, bold: bool) -> &FontRef<'static> {
+    pub(crate) const fn face(&self, bold: bool) -> &FontRef<'static> {
         if bold { &self.semibold } else { &self.regular }
     }
 
     /// ab_glyph's scale is the line height; `size` is the em, as in SVG.
-    pub fn scale(&self, size: f32, bold: bool) -> PxScale {
+    pub(crate) fn scale(&self, size: f32, bold: bool) -> PxScale {
         let face = self.face(bold);
         PxScale::from(size * face.height_unscaled() / face.units_per_em().unwrap_or(1000.0))
     }
 
-    pub fn width(&self, text: &str, size: f32, bold: bool) -> f32 {
+    pub(crate) fn width(&self, text: &str, size: f32, bold: bool) -> f32 {
         self.advances(text, size, bold).map(|(_, advance)| advance).sum()
     }
 

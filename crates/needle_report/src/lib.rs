@@ -4,6 +4,7 @@
 //! before the first file is written, and files appear under their names only when they are complete. Nothing here
 //! computes mechanics, and no file contains a number that is not finite.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod batch_page;
 mod batch_table;

@@ -14,11 +14,11 @@ pub(super) struct Pen {
 }
 
 impl Pen {
-    pub const fn new(colour: Colour, width: f32) -> Self {
+    pub(crate) const fn new(colour: Colour, width: f32) -> Self {
         Self { colour, width, dash: None }
     }
 
-    pub const fn dashed(self, dash: [f32; 2]) -> Self {
+    pub(crate) const fn dashed(self, dash: [f32; 2]) -> Self {
         Self { dash: Some(dash), ..self }
     }
 }
@@ -55,12 +55,12 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    pub const fn new(width: u32, height: u32) -> Self {
+    pub(crate) const fn new(width: u32, height: u32) -> Self {
         Self { width, height, marks: Vec::new() }
     }
 
     /// A line through the points; interrupted where a point is not finite.
-    pub fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
+    pub(crate) fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
         let mut run = Vec::new();
         for point in points {
             if point.iter().all(|c| c.is_finite()) {
@@ -79,17 +79,17 @@ impl Picture {
     }
 
     /// A filled rectangle between two corners.
-    pub fn rectangle(&mut self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2], colour: Colour) {
+    pub(crate) fn rectangle(&mut self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2], colour: Colour) {
         self.marks.push(Mark::Area { points: vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]], colour });
     }
 
     /// A filled polygon.
-    pub fn area(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: Colour) {
+    pub(crate) fn area(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: Colour) {
         self.marks.push(Mark::Area { points: points.into_iter().collect(), colour });
     }
 
     /// A filled circle.
-    pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
+    pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let corner = |i: i32| {
             let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
             [x + radius * cos, y + radius * sin]
@@ -97,7 +97,7 @@ impl Picture {
         self.marks.push(Mark::Area { points: (0..24).map(corner).collect(), colour });
     }
 
-    pub fn text(&mut self, at: [f64; 2], text: impl Into<String>, typ: Type) {
+    pub(crate) fn text(&mut self, at: [f64; 2], text: impl Into<String>, typ: Type) {
         self.marks.push(Mark::Text { at, text: text.into(), typ });
     }
 }

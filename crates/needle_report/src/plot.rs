@@ -32,7 +32,7 @@ impl Axis {
     /// An axis that contains all finite values, extended by a part `margin` of their range at each end that is
     /// not zero. It has about `count` ticks of 1, 2 or 5 times a power of ten. For a single value or none it gets a default
     /// width.
-    pub fn holding(values: impl IntoIterator<Item = f64>, count: usize, margin: f64) -> Self {
+    pub(crate) fn holding(values: impl IntoIterator<Item = f64>, count: usize, margin: f64) -> Self {
         let finite = values.into_iter().filter(|v| v.is_finite());
         let (mut min, mut max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if min > max {
@@ -80,13 +80,13 @@ pub(super) struct Panel {
 
 impl Panel {
     /// Position of a value pair in the picture.
-    pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
+    pub(crate) fn at(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.frame;
         [left + self.x.fraction(x) * (right - left), bottom - self.y.fraction(y) * (bottom - top)]
     }
 
     /// Grid lines and tick labels; those of x only if `x_labels`.
-    pub fn grid(&self, picture: &mut Picture, x_labels: bool) {
+    pub(crate) fn grid(&self, picture: &mut Picture, x_labels: bool) {
         let [left, top, right, bottom] = self.frame;
         for &tick in &self.y.ticks {
             let y = self.at(self.x.min, tick)[1];
@@ -105,18 +105,18 @@ impl Panel {
     }
 
     /// Title of the vertical axis, at a height `above` the panel's upper left corner.
-    pub fn title(&self, picture: &mut Picture, text: &str, above: f64) {
+    pub(crate) fn title(&self, picture: &mut Picture, text: &str, above: f64) {
         let typ = Type { bold: true, colour: INK, ..label(Anchor::Start) };
         picture.text([self.frame[0], self.frame[1] - above], text, typ);
     }
 
     /// A line through value pairs.
-    pub fn curve(&self, picture: &mut Picture, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
+    pub(crate) fn curve(&self, picture: &mut Picture, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
         picture.line(points.into_iter().map(|[x, y]| self.at(x, y)), pen);
     }
 
     /// A labelled vertical line, with the label at its upper or lower end, on the side that has room.
-    pub fn event(&self, picture: &mut Picture, x: f64, text: &str, end: End) {
+    pub(crate) fn event(&self, picture: &mut Picture, x: f64, text: &str, end: End) {
         let [_, top, right, bottom] = self.frame;
         let at = self.at(x, self.y.min)[0];
         picture.line([[at, top], [at, bottom]], Pen::new(MUTED, 1.2).dashed([2.0, 3.0]));
@@ -129,7 +129,7 @@ impl Panel {
     }
 
     /// Tints intervals of the panel, behind everything else.
-    pub fn ground(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
+    pub(crate) fn ground(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
         let [_, top, _, bottom] = self.frame;
         for (from, to, _, colour) in stretches {
             let [x0, x1] = self.between(*from, *to);
@@ -138,7 +138,7 @@ impl Panel {
     }
 
     /// Named intervals along the lower edge, above the axis; names that don't fit are left out.
-    pub fn strip(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
+    pub(crate) fn strip(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
         let bottom = self.frame[3];
         for (from, to, word, colour) in stretches {
             let [x0, x1] = self.between(*from, *to);
@@ -156,7 +156,11 @@ impl Panel {
     }
 
     /// Named intervals along the panel's upper edge; names that don't fit are left out.
-    pub fn ribbon(&self, picture: &mut Picture, stretches: impl IntoIterator<Item = (f64, f64, &'static str, Colour)>) {
+    pub(crate) fn ribbon(
+        &self,
+        picture: &mut Picture,
+        stretches: impl IntoIterator<Item = (f64, f64, &'static str, Colour)>,
+    ) {
         let [left, top, right, _] = self.frame;
         for (from, to, word, colour) in stretches {
             let [x0, x1] = [from, to].map(|x| self.at(x, self.y.min)[0].clamp(left, right));

@@ -13,7 +13,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`ReportError::Picture`] if the picture is too large to be drawn.
-    pub fn to_png(&self, file: &'static str, scale: f32) -> Result<Vec<u8>, ReportError> {
+    pub(crate) fn to_png(&self, file: &'static str, scale: f32) -> Result<Vec<u8>, ReportError> {
         let fail = |reason: String| ReportError::Picture { file, reason };
         let fonts = Fonts::load().map_err(|e| fail(e.to_string()))?;
         let size = |px: u32| (px as f32 * scale).round() as u32;

@@ -44,7 +44,7 @@ pub(super) struct Plane {
 
 impl Plane {
     /// The plane in which the instrument moves; y = constant if it moves vertically, or without an instrument.
-    pub fn of(instrument: Option<&Instrument>) -> Self {
+    pub(crate) fn of(instrument: Option<&Instrument>) -> Self {
         let Some(instrument) = instrument else { return Self { entry: [0.0; 2], azimuth: 0.0 } };
         let [x, y] = instrument.slope();
         // opposite directions give the same plane
@@ -65,7 +65,7 @@ impl Plane {
     }
 
     /// Coordinate of a point along it: x for a plane y = constant.
-    pub fn along(&self, p: &[f64; 3]) -> f64 {
+    pub(crate) fn along(&self, p: &[f64; 3]) -> f64 {
         let (sin, cos) = self.azimuth.sin_cos();
         cos * p[0] + sin * p[1]
     }
@@ -73,7 +73,7 @@ impl Plane {
 
 impl Section {
     /// Cuts a mesh by a plane.
-    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], surface: &[[u32; 3]], plane: &Plane) -> Self {
+    pub(crate) fn new(points: &[[f64; 3]], cells: &[[u32; 4]], surface: &[[u32; 3]], plane: &Plane) -> Self {
         let span = points.iter().map(|p| plane.behind(p).abs()).fold(0.0, f64::max);
         // Nodes within rounding of the plane count as on it; otherwise the section would have slivers.
         let height = |i: u32| Some(plane.behind(&points[i as usize])).filter(|h| h.abs() >= 1e-9 * span).unwrap_or(0.0);

@@ -42,7 +42,7 @@ fn deviator(m: Matrix3<f64>) -> f64 {
 impl Strains {
     /// Flat cells are left out. `moduli_pa` are the regions' shear moduli, and `region` is the region of each cell
     /// (empty: 0). Without moduli there is no stress.
-    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], moduli_pa: Option<&[f64]>) -> Self {
+    pub(crate) fn new(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], moduli_pa: Option<&[f64]>) -> Self {
         let mut weights = vec![0.0; points.len()];
         let modulus = |i: usize| {
             let region = region.get(i).map_or(0, |r| usize::from(*r));
@@ -60,7 +60,7 @@ impl Strains {
     }
 
     /// Strain and stress (Pa; empty without a modulus) at every point.
-    pub fn at(&self, displacement: &[[f64; 3]]) -> [Vec<f64>; 2] {
+    pub(crate) fn at(&self, displacement: &[[f64; 3]]) -> [Vec<f64>; 2] {
         let none = vec![0.0; self.weights.len()];
         let (mut strains, mut stresses, mut tissue) = (none.clone(), none.clone(), none);
         for cell in &self.cells {

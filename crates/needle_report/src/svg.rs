@@ -8,7 +8,7 @@ const FAMILIES: &str = "Inter, 'Helvetica Neue', Arial, sans-serif";
 
 impl Picture {
     /// The picture as an SVG document.
-    pub fn to_svg(&self) -> String {
+    pub(crate) fn to_svg(&self) -> String {
         let (w, h) = (self.width, self.height);
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \

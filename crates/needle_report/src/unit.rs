@@ -12,7 +12,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// mN for a run whose forces stay below 0.2 N, otherwise N.
-    pub fn of_force(run: &Run) -> Self {
+    pub(crate) fn of_force(run: &Run) -> Self {
         let m = run.force_metrics();
         let peak = [m.peak_predicted_n, m.peak_measured_n].into_iter().flatten().map(f64::abs).fold(0.0, f64::max);
         if peak > 0.0 && peak < 0.2 { Self { factor: 1e3, unit: "mN" } } else { Self { factor: 1.0, unit: "N" } }

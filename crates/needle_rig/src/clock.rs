@@ -18,14 +18,14 @@ pub struct PlaybackClock {
 impl PlaybackClock {
     /// A clock that shows `bag_ns` at `wall`.
     #[must_use]
-    pub const fn new(wall: Instant, bag_ns: i64, rate: f64, paused: bool) -> Self {
+    pub(crate) const fn new(wall: Instant, bag_ns: i64, rate: f64, paused: bool) -> Self {
         Self { wall, bag_ns, rate, paused }
     }
 
     /// Bag time at a wall time.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss)] // 2^53 ns are 104 days of playing
-    pub fn now_ns(&self, wall: Instant) -> i64 {
+    pub(crate) fn now_ns(&self, wall: Instant) -> i64 {
         if self.paused {
             return self.bag_ns;
         }
@@ -55,7 +55,7 @@ impl PlaybackClock {
     }
 
     /// Changes the rate from now on. Returns false, without a change, unless it is a positive finite number.
-    pub fn set_rate(&mut self, wall: Instant, rate: f64) -> bool {
+    pub(crate) fn set_rate(&mut self, wall: Instant, rate: f64) -> bool {
         let usable = rate.is_finite() && rate > 0.0;
         if usable {
             self.jump(wall, self.now_ns(wall));
@@ -65,13 +65,13 @@ impl PlaybackClock {
     }
 
     /// Pauses or resumes.
-    pub fn set_paused(&mut self, wall: Instant, paused: bool) {
+    pub(crate) fn set_paused(&mut self, wall: Instant, paused: bool) {
         self.jump(wall, self.now_ns(wall));
         self.paused = paused;
     }
 
     /// Goes to a bag time.
-    pub fn jump(&mut self, wall: Instant, bag_ns: i64) {
+    pub(crate) fn jump(&mut self, wall: Instant, bag_ns: i64) {
         self.wall = wall;
         self.bag_ns = bag_ns;
     }

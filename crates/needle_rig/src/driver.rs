@@ -87,12 +87,6 @@ impl Driver {
         self.trajectory.velocity_m_per_s()
     }
 
-    /// Goal, m.
-    #[must_use]
-    pub const fn goal_m(&self) -> f64 {
-        self.trajectory.goal_m()
-    }
-
     /// Advances by one step. Returns true if a stream of commands ended in this step during a motion, so that the
     /// joint brakes.
     pub fn step(&mut self) -> bool {
@@ -170,8 +164,8 @@ mod tests {
     fn goals_are_cut_to_the_range_and_nan_is_refused() {
         let mut driver = Driver::new(LIMITS, DT, 0.0);
         assert!(!driver.go_to(f64::NAN));
-        assert_eq!(driver.goal_m(), 0.0);
+        assert_eq!(driver.trajectory.goal_m(), 0.0);
         assert!(driver.go_to(1.0));
-        assert_eq!(driver.goal_m(), 0.02);
+        assert_eq!(driver.trajectory.goal_m(), 0.02);
     }
 }

@@ -1,4 +1,5 @@
 //! The simulated rig: a player of recordings, a needle driver, and the models of its sensors.
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod clock;
 mod delay;

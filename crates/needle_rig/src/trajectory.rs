@@ -55,12 +55,6 @@ impl Trajectory {
         Self { limits, step_s, state, goal_m: position_m, plan: Plan::new(None), end_m: position_m, since_s: 0.0 }
     }
 
-    /// Its limits.
-    #[must_use]
-    pub const fn limits(&self) -> &MotionLimits {
-        &self.limits
-    }
-
     /// Position, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
@@ -73,21 +67,15 @@ impl Trajectory {
         self.state[1]
     }
 
-    /// Acceleration, m/s^2.
-    #[must_use]
-    pub const fn acceleration_m_per_s2(&self) -> f64 {
-        self.state[2]
-    }
-
     /// Goal, m.
-    #[must_use]
-    pub const fn goal_m(&self) -> f64 {
+    #[cfg(test)]
+    pub(crate) const fn goal_m(&self) -> f64 {
         self.goal_m
     }
 
     /// Position at which it comes to rest if it is stopped now, m.
     #[must_use]
-    pub fn stopping_place_m(&self) -> f64 {
+    pub(crate) fn stopping_place_m(&self) -> f64 {
         self.planned(&End::Rest).map_or(self.goal_m, |plan| at(&plan, plan.get_duration())[0])
     }
 
@@ -178,12 +166,12 @@ mod tests {
 
     /// Steps and checks every limit on the motion, with a tolerance for rounding.
     fn step(t: &mut Trajectory, limits: &MotionLimits) -> Result<(), TestCaseError> {
-        let (before, dt) = ([t.position_m(), t.velocity_m_per_s(), t.acceleration_m_per_s2()], t.step_s);
+        let (before, dt) = ([t.position_m(), t.velocity_m_per_s(), t.state[2]], t.step_s);
         t.step();
         let at = format!("{before:?} -> {t:?}");
-        let jerk = (t.acceleration_m_per_s2() - before[2]) / dt;
+        let jerk = (t.state[2] - before[2]) / dt;
         prop_assert!(jerk.abs() <= limits.jerk_m_per_s3 * (1.0 + 1e-6), "jerk {jerk}: {at}");
-        let a = t.acceleration_m_per_s2();
+        let a = t.state[2];
         prop_assert!(a.abs() <= limits.acceleration_m_per_s2 * (1.0 + 1e-6), "acceleration: {at}");
         prop_assert!(t.velocity_m_per_s().abs() <= limits.speed_m_per_s * (1.0 + 1e-6), "speed: {at}");
         let mean = (t.position_m() - before[0]) / dt;
@@ -206,7 +194,7 @@ mod tests {
         ) {
             let mut t = Trajectory::new(limits, dt, 0.0);
             t.go_to(goal);
-            let limits = *t.limits();
+            let limits = t.limits;
             let time = goal.abs() / limits.speed_m_per_s + 4.0 * limits.braking_time_s() + 20.0 * dt
                 + 4.0 * (goal.abs() / limits.jerk_m_per_s3).cbrt();
             for _ in 0..(time / dt) as usize {
@@ -232,23 +220,23 @@ mod tests {
                     prop_assert!(t.position_m().abs() <= seen + 1e-9, "{t:?} beyond {seen}");
                 }
             }
-            let limits = *t.limits();
+            let limits = t.limits;
             let time = 0.05 / limits.speed_m_per_s + 8.0 * limits.braking_time_s() + 1.0;
             for _ in 0..(time / DT) as usize {
                 step(&mut t, &limits)?;
             }
-            prop_assert!(t.is_at_rest() && t.position_m() == t.goal_m(), "{t:?}");
+            prop_assert!(t.is_at_rest() && t.position_m() == t.goal_m, "{t:?}");
         }
 
         #[test]
         fn a_stop_takes_no_longer_than_the_braking_time(limits in limits(), steps in 1..2000usize) {
             let mut t = Trajectory::new(limits, DT, 0.0);
             t.go_to(1.0);
-            let limits = *t.limits();
+            let limits = t.limits;
             for _ in 0..steps {
                 step(&mut t, &limits)?;
             }
-            let a = t.acceleration_m_per_s2() / limits.jerk_m_per_s3;
+            let a = t.state[2] / limits.jerk_m_per_s3;
             t.stop();
             let mut taken = 0.0;
             while !t.is_at_rest() {
@@ -276,7 +264,7 @@ mod tests {
         (0..50).for_each(|_| t.step());
         assert!(t.velocity_m_per_s().abs() < 1e-12, "{t:?}");
         t.go_to(f64::NAN);
-        assert_eq!(t.goal_m(), 0.1);
+        assert_eq!(t.goal_m, 0.1);
         Ok(())
     }
 

@@ -5,12 +5,12 @@ pub(super) struct ThreadClock(Time);
 
 impl ThreadClock {
     /// Starts counting.
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         Self(now())
     }
 
     /// Time since the start, s; the calling thread must be the one that started it.
-    pub fn seconds(&self) -> f64 {
+    pub(crate) fn seconds(&self) -> f64 {
         since(&self.0)
     }
 }

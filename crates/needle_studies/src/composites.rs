@@ -158,7 +158,7 @@ impl Composite {
 
     /// Depth, m, and upward displacement of each target at that depth, m.
     #[must_use]
-    pub fn displacements(&self) -> Vec<(f64, Vec<f64>)> {
+    pub(crate) fn displacements(&self) -> Vec<(f64, Vec<f64>)> {
         let rows = csv::read(self.table).filter_map(Result::ok);
         let row = |row: BTreeMap<String, f64>| {
             let of = |z: &u8| row.get(&format!("uz_axis_z{z}mm_m")).copied();

@@ -23,7 +23,7 @@ const KEYS: [(&str, &str); 4] = [
 /// Poses per second of the motion.
 const POSE_HZ: f64 = 1000.0;
 /// Runs for each number of threads.
-pub const ROUNDS: usize = 3;
+pub(crate) const ROUNDS: usize = 3;
 
 /// A number of threads, and its results.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,7 @@ pub struct Team {
 impl Team {
     /// Median of its factors.
     #[must_use]
-    pub fn median(&self) -> f64 {
+    pub(crate) fn median(&self) -> f64 {
         let mut sorted = self.factors.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
@@ -58,7 +58,7 @@ pub struct Beside {
 impl Beside {
     /// Median of the default divided by the best median of a fixed number.
     #[must_use]
-    pub fn ratio(&self) -> f64 {
+    pub(crate) fn ratio(&self) -> f64 {
         let best = self.teams.iter().map(Team::median).fold(0.0, f64::max);
         self.teams.last().map_or(f64::NAN, |default| default.median() / best)
     }
@@ -95,7 +95,7 @@ pub fn loads(processors: usize) -> Vec<usize> {
     loads
 }
 
-/// Runs teams of one, two and all threads in turn during some loops, [`ROUNDS`] times; `None` if `watch` cancelled
+/// Runs teams of one, two and all threads in turn during some loops, `ROUNDS` times; `None` if `watch` cancelled
 /// it.
 ///
 /// # Errors

@@ -5,13 +5,13 @@ use serde::de::DeserializeOwned;
 
 /// The records with a heading of their fields' names.
 #[must_use]
-pub fn write<R: Serialize>(records: impl IntoIterator<Item = R>) -> String {
+pub(crate) fn write<R: Serialize>(records: impl IntoIterator<Item = R>) -> String {
     text(true, records)
 }
 
 /// One record as a line with its end, to be appended to a table.
 #[must_use]
-pub fn line<R: Serialize>(record: R) -> String {
+pub(crate) fn line<R: Serialize>(record: R) -> String {
     text(false, [record])
 }
 
@@ -25,6 +25,6 @@ fn text<R: Serialize>(heading: bool, records: impl IntoIterator<Item = R>) -> St
 }
 
 /// The records of a table with its heading; columns are found by name.
-pub fn read<R: DeserializeOwned>(table: &str) -> impl Iterator<Item = Result<R, csv::Error>> + use<'_, R> {
+pub(crate) fn read<R: DeserializeOwned>(table: &str) -> impl Iterator<Item = Result<R, csv::Error>> + use<'_, R> {
     csv::Reader::from_reader(table.as_bytes()).into_deserialize()
 }

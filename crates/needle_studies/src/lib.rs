@@ -12,6 +12,7 @@
 //!   insertion under the load of other programs.
 #![allow(non_snake_case)] // the code uses the formula's own symbols
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 pub mod accuracy;
 pub mod bounds;

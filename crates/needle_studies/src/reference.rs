@@ -9,7 +9,7 @@ use needle_core::scene::Target;
 
 /// Displacement of one material point of the indentation at [`DISPLACEMENT_DEPTH_M`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-pub struct PointDisplacement {
+pub(crate) struct PointDisplacement {
     /// Distance from the axis in the undeformed state, m.
     #[serde(default, alias = "reference_radius_m")]
     pub radius_m: f64,
@@ -25,7 +25,7 @@ pub struct PointDisplacement {
 }
 
 /// Depth of the indentation for which displacements are known, m.
-pub const DISPLACEMENT_DEPTH_M: f64 = 0.004;
+pub(crate) const DISPLACEMENT_DEPTH_M: f64 = 0.004;
 /// Radius on the top surface within which the reference itself is uncertain (singularity at the edge of the disc), m.
 const NEAR_EDGE_M: f64 = 0.006;
 /// Directions from the axis in which each reference displacement is compared, rad.
@@ -78,7 +78,7 @@ pub fn uncertainty(preset: &str, depth_m: f64) -> Option<f64> {
 
 /// Displacements of the indentation: on the axis, and of the top surface beyond 6 mm radius.
 #[must_use]
-pub fn indentation_displacements() -> Vec<PointDisplacement> {
+pub(crate) fn indentation_displacements() -> Vec<PointDisplacement> {
     let axis = csv::read(include_str!("../../../bags/reference/indentation_axis_at_4mm.csv"));
     let top = csv::read(include_str!("../../../bags/reference/indentation_top_surface_at_4mm.csv"));
     let on_axis = axis.filter_map(Result::ok);
@@ -133,7 +133,7 @@ fn compared() -> impl Iterator<Item = (PointDisplacement, f64)> {
 
 /// Targets at the points of [`indentation_displacements`], each in four directions, for a sample of a height in m.
 #[must_use]
-pub fn targets(height: f64) -> Vec<Target> {
+pub(crate) fn targets(height: f64) -> Vec<Target> {
     let target = |(i, (p, a)): (usize, (PointDisplacement, f64))| Target {
         name: format!("p{i}"),
         position: [p.radius_m * a.cos(), p.radius_m * a.sin(), height - p.below_top_m],
@@ -143,7 +143,7 @@ pub fn targets(height: f64) -> Vec<Target> {
 
 /// Positions of [`targets`] at [`DISPLACEMENT_DEPTH_M`], m.
 #[must_use]
-pub fn displaced(height: f64) -> Vec<[f64; 3]> {
+pub(crate) fn displaced(height: f64) -> Vec<[f64; 3]> {
     let place = |(p, a): (PointDisplacement, f64)| {
         let r = p.radius_m + p.radial_m;
         [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m]
@@ -154,7 +154,7 @@ pub fn displaced(height: f64) -> Vec<[f64; 3]> {
 /// Largest distance between the present positions of [`targets`], m, and the reference at [`DISPLACEMENT_DEPTH_M`], over
 /// that depth.
 #[must_use]
-pub fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
+pub(crate) fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
     let distance = |(now, then): (&[f64; 3], [f64; 3])| (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt();
     positions.iter().zip(displaced(height)).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
 }

@@ -161,7 +161,7 @@ impl ReferenceSolution {
     /// Largest distance between positions and reference positions, over the last depth; `None` if no point is
     /// compared.
     #[must_use]
-    pub fn displacement_error(&self, places: &[[f64; 3]]) -> Option<f64> {
+    pub(crate) fn displacement_error(&self, places: &[[f64; 3]]) -> Option<f64> {
         let distance = |(now, (_, then)): (&[f64; 3], &(Target, [f64; 3]))| {
             (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt()
         };
@@ -172,7 +172,7 @@ impl ReferenceSolution {
     /// Largest distance of a point from its equilibrium position, at depths from a fifth of the last on, over its
     /// largest displacement; `None` if no point is compared.
     #[must_use]
-    pub fn way_error(&self, at_depths: &[Vec<[f64; 3]>]) -> Option<f64> {
+    pub(crate) fn way_error(&self, at_depths: &[Vec<[f64; 3]>]) -> Option<f64> {
         let distance = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
         let from = COMPARED_FROM * self.depth_m() * (1.0 - 1e-9);
         let of_point = |(i, (target, _)): (usize, &(Target, [f64; 3]))| {
@@ -214,7 +214,7 @@ fn between(path: &[(f64, f64)], depth_m: f64) -> Option<(usize, usize, f64)> {
 
 /// The preset or composite with the same problem (sample, materials, instrument), whatever its discretisation.
 #[must_use]
-pub fn preset_of(scene: &Scene) -> Option<&'static str> {
+pub(crate) fn preset_of(scene: &Scene) -> Option<&'static str> {
     let same = |other: &Scene| {
         other.sample == scene.sample
             && other.material == scene.material

@@ -259,7 +259,7 @@ impl Motion {
 }
 
 /// Speeds in m/s and rates of poses in 1/s that [`motions`] tries.
-pub const MOTIONS: [(f64, f64); 6] =
+pub(crate) const MOTIONS: [(f64, f64); 6] =
     [(1e-3, 1000.0), (5e-3, 1000.0), (20e-3, 1000.0), (1e-3, 100.0), (5e-3, 100.0), (20e-3, 100.0)];
 /// Least steps per pose of the quasi-static run at 5 mm/s and 1 kHz.
 const QUASI_STATIC_STEPS: &str = "8";
@@ -301,7 +301,7 @@ fn insertion(
     }))
 }
 
-/// Runs [`MOTIONS`] and passes each to `row`; ends early if `progress` is cancelled.
+/// Runs `MOTIONS` and passes each to `row`; ends early if `progress` is cancelled.
 ///
 /// # Errors
 /// [`SpeedError`] if the scene can't be built or the twin halts.

@@ -123,7 +123,7 @@ pub struct Case {
 
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub(crate) enum Ended {
     /// It reached the requested depth.
     Reached,
     /// A cell was crushed to zero volume or inverted.
@@ -141,7 +141,7 @@ pub enum Ended {
 impl Ended {
     /// Name in the table.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Reached => "reached",
             Self::Inversion => "inversion",
@@ -166,7 +166,7 @@ pub struct Row {
     pub nodes: usize,
     /// Furthest depth, m.
     pub depth_m: f64,
-    /// [`Ended::word`].
+    /// `Ended::word`.
     pub ended: String,
     /// Predicted over reference force - 1 at 4 mm, or at the reference's last depth before that. Only if Poisson's
     /// ratio is the reference's and there is no layer.
@@ -205,7 +205,7 @@ impl Case {
     ///
     /// # Errors
     /// [`StudyError::Scene`] if the preset does not accept the keys.
-    pub fn scene(&self) -> Result<Scene, StudyError> {
+    pub(crate) fn scene(&self) -> Result<Scene, StudyError> {
         let depth = self.deepest_m.to_string();
         let mut keys = vec![("motion.depth_m", depth.as_str())];
         keys.extend(self.base);

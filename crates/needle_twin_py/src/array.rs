@@ -4,17 +4,17 @@ use numpy::{Element, IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 
 /// Rows of `K` numbers, shape (n, K).
-pub fn rows<T: Element, const K: usize>(py: Python<'_>, rows: Vec<[T; K]>) -> PyResult<Bound<'_, PyArray2<T>>> {
+pub(crate) fn rows<T: Element, const K: usize>(py: Python<'_>, rows: Vec<[T; K]>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let n = rows.len();
     rows.into_flattened().into_pyarray(py).reshape([n, K])
 }
 
 /// Numbers, shape (n,).
-pub fn numbers<T: Element>(py: Python<'_>, numbers: Vec<T>) -> Bound<'_, PyArray1<T>> {
+pub(crate) fn numbers<T: Element>(py: Python<'_>, numbers: Vec<T>) -> Bound<'_, PyArray1<T>> {
     numbers.into_pyarray(py)
 }
 
 /// JSON text as Python objects.
-pub fn json<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn json<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
     py.import("json")?.call_method1("loads", (text,))
 }

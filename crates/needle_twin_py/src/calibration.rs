@@ -16,7 +16,7 @@ use crate::{array, recording, scene};
 
 /// What a calibration found, and how sure it is.
 #[pyclass(module = "needle_twin", frozen)]
-pub struct Calibration {
+pub(crate) struct Calibration {
     found: fitting::Calibration,
     source: String,
     prediction: Option<fitting::Prediction>,
@@ -93,7 +93,7 @@ impl Calibration {
 #[pyo3(signature = (recording, fit, scene = None, *, changes = None, load_cell = "auto", hold_out = "none",
     force_error = FORCE_ERROR, threads = 0, force = false, predict = None, predict_scene = None))]
 #[allow(clippy::too_many_arguments)] // keywords of a Python function
-pub fn calibrate(
+pub(crate) fn calibrate(
     py: Python<'_>,
     recording: &Bound<'_, PyAny>,
     fit: Vec<String>,
@@ -178,7 +178,7 @@ fn predicted(
 /// Returns a dict, as `needle_twin calibrate --layers` prints it.
 #[pyfunction]
 #[pyo3(signature = (recording, number, scene = None, *, changes = None))]
-pub fn layers<'py>(
+pub(crate) fn layers<'py>(
     py: Python<'py>,
     recording: &Bound<'py, PyAny>,
     number: usize,

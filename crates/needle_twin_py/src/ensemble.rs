@@ -23,7 +23,7 @@ use crate::{array, scene};
 ///
 /// The members step one after the other in the thread that calls, without Python's lock.
 #[pyclass(module = "needle_twin")]
-pub struct Ensemble {
+pub(crate) struct Ensemble {
     live: Live,
     twin: twin::Twin,
     keys: Vec<String>,
@@ -122,7 +122,7 @@ type Spreads<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>);
 
 /// Where the members' forces against the instrument's axis lie at one pose.
 #[pyclass(module = "needle_twin", frozen)]
-pub struct ForceBand {
+pub(crate) struct ForceBand {
     band: Band,
     members: usize,
     time_s: f64,

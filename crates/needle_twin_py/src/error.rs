@@ -35,7 +35,7 @@ create_exception!(
 create_exception!(needle_twin, CalibrationError, NeedleTwinError, "The keys can't be found from the recording.");
 
 /// Adds the exceptions to the module.
-pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     module.add("NeedleTwinError", py.get_type::<NeedleTwinError>())?;
     module.add("SceneError", py.get_type::<SceneError>())?;
@@ -47,12 +47,12 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// A scene's error.
-pub fn scene(error: needle_core::scene::SceneError) -> PyErr {
+pub(crate) fn scene(error: needle_core::scene::SceneError) -> PyErr {
     SceneError::new_err(error.to_string())
 }
 
 /// Why there is no ensemble. What the command line says of a scene without priors is said in Python's words.
-pub fn ensemble(error: EnsembleError) -> PyErr {
+pub(crate) fn ensemble(error: EnsembleError) -> PyErr {
     match error {
         EnsembleError::NoUncertainty { scene, key, mean, deviation } => SceneError::new_err(format!(
             "scene {scene} says of no key how uncertain it is: scene[\"uncertainty.{key}\"] = {{\"normal\": [{mean}, {deviation}]}} (mean and standard \
@@ -64,7 +64,7 @@ pub fn ensemble(error: EnsembleError) -> PyErr {
 }
 
 /// Why a pose has no answer.
-pub fn halt(halt: &Halt) -> PyErr {
+pub(crate) fn halt(halt: &Halt) -> PyErr {
     match halt {
         Halt::Pose { .. } => PoseRefused::new_err(halt.to_string()),
         _ => Diverged::new_err(halt.to_string()),
@@ -72,7 +72,7 @@ pub fn halt(halt: &Halt) -> PyErr {
 }
 
 /// A message of the command line in Python's words: `--position-unit mm` is `position_unit=`, `--set KEY=VALUE` is `changes={...}`.
-pub fn in_python(message: &str) -> String {
+pub(crate) fn in_python(message: &str) -> String {
     let mut parts = message.split("--");
     let mut text = parts.next().unwrap_or_default().to_owned();
     for part in parts {

@@ -18,7 +18,7 @@ use crate::error::{RecordingError, in_python};
 ///
 /// >>> recording = needle_twin.Recording("run.csv", position="Compression (mm)", force="Load (N)", time="Time (s)")
 #[pyclass(module = "needle_twin", frozen)]
-pub struct Recording {
+pub(crate) struct Recording {
     pub recording: needle_recording::Recording,
     pub pose_wanted: bool,
 }
@@ -177,7 +177,7 @@ impl Recording {
 }
 
 /// A recording from what a user gave, by what is done with it: a [`Recording`] or a path.
-pub fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) -> PyResult<T>) -> PyResult<T> {
+pub(crate) fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) -> PyResult<T>) -> PyResult<T> {
     if let Ok(recording) = given.cast::<Recording>() {
         return work(recording.get());
     }
@@ -186,7 +186,7 @@ pub fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) -> PyResu
 
 /// One text or several.
 #[derive(Default)]
-pub struct Texts(Vec<String>);
+pub(crate) struct Texts(Vec<String>);
 
 impl<'py> FromPyObject<'_, 'py> for Texts {
     type Error = PyErr;

@@ -16,11 +16,11 @@ use crate::watch::detached;
 use crate::{array, recording, scene};
 
 /// Scene of a recording that doesn't say which it was made for, as on the command line.
-pub const DEFAULT_SCENE: &str = "needle_insertion";
+pub(crate) const DEFAULT_SCENE: &str = "needle_insertion";
 
 /// Everything that one run of the twin produced.
 #[pyclass(module = "needle_twin", frozen)]
-pub struct Run {
+pub(crate) struct Run {
     run: compare::Run,
 }
 
@@ -151,7 +151,7 @@ impl Run {
 #[pyfunction]
 #[pyo3(signature = (scene, *, depth_m = None, speed_m_per_s = None, pose_hz = None, changes = None, threads = 0, members = 0, seed = 0))]
 #[allow(clippy::too_many_arguments)] // of a Python function, by name
-pub fn solve(
+pub(crate) fn solve(
     py: Python<'_>,
     scene: &Bound<'_, PyAny>,
     depth_m: Option<f64>,
@@ -189,7 +189,7 @@ pub fn solve(
 #[pyfunction]
 #[pyo3(signature = (recording, scene = None, *, changes = None, threads = 0, force = false, members = 0, seed = 0))]
 #[allow(clippy::too_many_arguments)] // of a Python function, by name
-pub fn replay(
+pub(crate) fn replay(
     py: Python<'_>,
     recording: &Bound<'_, PyAny>,
     scene: Option<&Bound<'_, PyAny>>,
@@ -214,7 +214,7 @@ pub fn replay(
 }
 
 /// The scene of a recording: what the user gave, or what it names, with changes.
-pub fn scene_of(
+pub(crate) fn scene_of(
     named: Option<&str>,
     given: Option<&Bound<'_, PyAny>>,
     changes: Option<&Bound<'_, PyDict>>,

@@ -13,7 +13,7 @@ const PLACE: &str = "Python";
 
 /// Names of the scenes that are compiled in, each with one line on what it is.
 #[pyfunction]
-pub fn presets() -> Vec<(&'static str, String)> {
+pub(crate) fn presets() -> Vec<(&'static str, String)> {
     let line = |p: &scene::Preset| p.scene().map(|s| s.description).unwrap_or_default();
     scene::PRESETS.iter().map(|p| (p.name, line(p))).collect()
 }
@@ -29,7 +29,7 @@ pub fn presets() -> Vec<(&'static str, String)> {
 /// 0.001
 /// >>> scene["uncertainty.material.shear_modulus_pa"] = {"normal": [2000, 200]}    # mean, standard deviation
 #[pyclass(module = "needle_twin")]
-pub struct Scene {
+pub(crate) struct Scene {
     pub scene: scene::Scene,
 }
 
@@ -52,7 +52,7 @@ impl Scene {
 
     /// A copy with some keys changed, all at once, so that their order doesn't matter: `{"material.poisson_ratio": 0.48}`.
     #[pyo3(signature = (changes = None))]
-    pub fn changed(&self, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    pub(crate) fn changed(&self, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let Some(changes) = changes else { return Ok(Self { scene: self.scene.clone() }) };
         let of = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<Override> {
             change(&key.extract::<String>()?, &value)
@@ -131,7 +131,7 @@ impl Scene {
 }
 
 /// A scene from what a user gave: a [`Scene`], a preset's name or a path.
-pub fn of(given: &Bound<'_, PyAny>) -> PyResult<scene::Scene> {
+pub(crate) fn of(given: &Bound<'_, PyAny>) -> PyResult<scene::Scene> {
     if let Ok(scene) = given.cast::<Scene>() {
         return Ok(scene.borrow().scene.clone());
     }

@@ -20,7 +20,7 @@ use needle_estimate::compare::Cancel;
 /// `integration_points`, and `against` (what the force was compared with). Raises BuildError where no cloud meets both, naming the nearest.
 #[pyfunction]
 #[pyo3(signature = (scene, *, tolerance = 0.02, pose_hz = 1000.0, changes = None, threads = 0))]
-pub fn tune<'py>(
+pub(crate) fn tune<'py>(
     py: Python<'py>,
     scene: &Bound<'py, PyAny>,
     tolerance: f64,

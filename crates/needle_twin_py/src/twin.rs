@@ -231,7 +231,7 @@ impl Twin {
 }
 
 /// A pose as `step` takes it.
-pub fn stamped(
+pub(crate) fn stamped(
     twin: &twin::Twin,
     time_s: f64,
     depth_m: Option<f64>,
@@ -259,7 +259,7 @@ fn unit(axis: [f64; 3]) -> PyResult<[f64; 3]> {
 
 /// The answer to one pose.
 #[pyclass(module = "needle_twin", frozen)]
-pub struct Prediction {
+pub(crate) struct Prediction {
     prediction: twin::Prediction,
     axis: [f64; 3],
 }

@@ -17,7 +17,11 @@ const INTERVAL: Duration = Duration::from_millis(50);
 ///
 /// # Errors
 /// What a signal's handler raised (`KeyboardInterrupt`); the work has ended then, and its result is dropped.
-pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut Cancel) -> T + Send) -> PyResult<T> {
+pub(crate) fn detached<T: Send>(
+    py: Python<'_>,
+    threads: usize,
+    work: impl FnOnce(&mut Cancel) -> T + Send,
+) -> PyResult<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| NeedleTwinError::new_err(format!("threads = {threads}: {e}; ask for fewer")))?;
     let cancel = Cancel::default();

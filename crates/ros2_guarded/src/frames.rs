@@ -9,19 +9,19 @@ use super::wire::{HEAD, Head, Kind, LONGEST};
 pub(super) const BUFFER: usize = 64 << 10;
 
 /// Cuts what is read from a socket into frames.
-pub struct Frames {
+pub(crate) struct Frames {
     bytes: Vec<u8>,
     from: usize,
     to: usize,
 }
 
 impl Frames {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { bytes: vec![0; BUFFER], from: 0, to: 0 }
     }
 
     /// Reads once; 0 is the end.
-    pub fn read(&mut self, mut socket: impl Read) -> io::Result<usize> {
+    pub(crate) fn read(&mut self, mut socket: impl Read) -> io::Result<usize> {
         if self.from > 0 {
             self.bytes.copy_within(self.from..self.to, 0);
             self.to -= self.from;
@@ -39,7 +39,7 @@ impl Frames {
     ///
     /// # Errors
     /// If what was read is no frame: the other side does not follow the protocol.
-    pub fn next(&mut self) -> io::Result<Option<(Head, &[u8])>> {
+    pub(crate) fn next(&mut self) -> io::Result<Option<(Head, &[u8])>> {
         let nonsense = || io::Error::new(io::ErrorKind::InvalidData, "what came is not a frame");
         let bytes = &self.bytes[self.from..self.to];
         let Some(&[a, b, c, d, kind, flag, e, f, ref stamp @ ..]) = bytes.first_chunk::<HEAD>() else {
@@ -56,7 +56,7 @@ impl Frames {
     }
 
     /// Takes every frame, until the other side closes the socket or does not follow the protocol.
-    pub fn take_all(mut self, socket: &UnixStream, mut take: impl FnMut(Head, &[u8])) {
+    pub(crate) fn take_all(mut self, socket: &UnixStream, mut take: impl FnMut(Head, &[u8])) {
         loop {
             loop {
                 match self.next() {

@@ -39,7 +39,7 @@ pub(super) struct EndpointRecord {
 }
 
 impl EndpointRecord {
-    pub fn new(number: u16, side: Side, guid: GUID, topic: &str, dds_type: &str, profile: QosProfile) -> Self {
+    pub(crate) fn new(number: u16, side: Side, guid: GUID, topic: &str, dds_type: &str, profile: QosProfile) -> Self {
         Self {
             number,
             side,
@@ -54,7 +54,7 @@ impl EndpointRecord {
     }
 
     /// Tells whether a reader on Fast DDS has been matched.
-    pub fn fast_dds(&self) -> Arc<AtomicBool> {
+    pub(crate) fn fast_dds(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.fast_dds)
     }
 
@@ -82,7 +82,7 @@ pub(super) struct Graph {
 
 impl Graph {
     /// Without a `prompt` some calls of Fast DDS take 3 s longer.
-    pub fn new(
+    pub(crate) fn new(
         participant: &DomainParticipant,
         uplink: Arc<Uplink>,
         readers: Rc<ReplyReaders>,
@@ -92,16 +92,16 @@ impl Graph {
         Self { participant: participant.clone(), records, warned, uplink, readers, servers, prompt }
     }
 
-    pub fn serve(&mut self, reader: GUID) {
+    pub(crate) fn serve(&mut self, reader: GUID) {
         self.servers.insert(reader);
     }
 
-    pub fn add(&mut self, record: EndpointRecord) {
+    pub(crate) fn add(&mut self, record: EndpointRecord) {
         self.records.push(record);
     }
 
     /// Takes what discovery has to say, for ever: the counts of every endpoint, and what can't match.
-    pub async fn watch(mut self) {
+    pub(crate) async fn watch(mut self) {
         let listener = self.participant.status_listener();
         let mut events = listener.as_async_status_stream();
         while let Some(event) = events.next().await {

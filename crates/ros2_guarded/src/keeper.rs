@@ -22,8 +22,8 @@ use super::link::{Inlets, Link};
 use super::silence::Silence;
 use super::wire::{Head, Kind, Plan};
 use crate::GuardError;
-use crate::threads::{join, spawn};
 use crate::throttle::Throttle;
+use named_threads::{join, spawn};
 
 /// Looks in a row that find nothing, not even a pulse, until the process counts as stuck: a machine may be busy.
 const SILENT_LOOKS: u32 = 10;

@@ -14,6 +14,7 @@
 //! endpoints in a [`Plan`], one [`Inlets::mute`] or [`Inlets::mailbox`] for each in the same order, and
 //! [`Middleware::start`]s. From then on [`Link::send`] never waits, and [`Mailbox`]es hold what has come.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod bell;
 mod drops;
@@ -35,7 +36,6 @@ mod session;
 pub mod signals;
 mod silence;
 pub mod survey;
-pub mod threads;
 mod throttle;
 mod uplink;
 mod watch;
@@ -56,6 +56,8 @@ pub use session::ZenohSession;
 pub use throttle::Throttle;
 pub use wire::{Endpoint, Guid, Head, Kind, Plan, Quality, Role, Stamp, publisher_of, times_of, wall_nanos};
 
+use named_threads::ThreadError;
+
 /// First argument of the program when it is to be a middleware process.
 const ARGUMENT: &str = "__middleware";
 
@@ -64,13 +66,8 @@ const ARGUMENT: &str = "__middleware";
 #[non_exhaustive]
 pub enum GuardError {
     /// The system has no thread left.
-    #[error("the {name} thread can't be started: {source}")]
-    Thread {
-        /// What it was for.
-        name: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Thread(#[from] ThreadError),
     /// The process could not make the endpoints; what and why, in full.
     #[error("{0}")]
     Refused(String),

@@ -168,7 +168,7 @@ impl Link {
     }
 
     /// Says that it is time to leave.
-    pub fn stop(&self) {
+    pub(crate) fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
         self.nudge();
     }

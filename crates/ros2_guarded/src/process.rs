@@ -36,7 +36,7 @@ use super::zenoh;
 use crate::qos::Side;
 use crate::raw::RawCdr;
 use crate::signals::Signals;
-use crate::threads::{join, spawn};
+use named_threads::{join, spawn};
 
 /// Makes the process a middleware process if that is what its arguments ask for, and gives its exit code. Every program
 /// whose nodes come from this library calls it first of all in `main`: a node starts its own program a second time.

@@ -20,7 +20,7 @@ impl Prompt {
     ///
     /// # Errors
     /// If there is no socket.
-    pub fn new(port: u16) -> io::Result<Self> {
+    pub(crate) fn new(port: u16) -> io::Result<Self> {
         let from = |own: Ipv4Addr| -> io::Result<Self> {
             let socket = UdpSocket::bind((own, 0))?;
             // not with the address of a card that is down
@@ -34,7 +34,7 @@ impl Prompt {
     }
 
     /// Has `reader` ask `writer` for its first message.
-    pub fn ask(&self, reader: GUID, writer: GUID) {
+    pub(crate) fn ask(&self, reader: GUID, writer: GUID) {
         // fails only where sockets do
         let _ = self.socket.send(&heartbeat(reader.to_bytes(), writer.to_bytes()));
     }

@@ -18,19 +18,19 @@ impl ros2_client::Message for RawCdr {}
 impl RawCdr {
     /// Takes bytes without an encapsulation header.
     #[must_use]
-    pub const fn new(bytes: Vec<u8>) -> Self {
+    pub(crate) const fn new(bytes: Vec<u8>) -> Self {
         Self { bytes, big_endian: false }
     }
 
     /// Whether the numbers in the bytes are big-endian.
     #[must_use]
-    pub const fn is_big_endian(&self) -> bool {
+    pub(crate) const fn is_big_endian(&self) -> bool {
         self.big_endian
     }
 
     /// The bytes, without an encapsulation header.
     #[must_use]
-    pub fn as_slice(&self) -> &[u8] {
+    pub(crate) fn as_slice(&self) -> &[u8] {
         &self.bytes
     }
 

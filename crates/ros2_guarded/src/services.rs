@@ -48,7 +48,7 @@ impl Served {
     ///
     /// # Errors
     /// What could not be made.
-    pub fn new(
+    pub(crate) fn new(
         number: u16,
         context: &Context,
         node: &mut Node,
@@ -70,7 +70,7 @@ impl Served {
     }
 
     /// The reader of the calls.
-    pub fn reader(&self) -> GUID {
+    pub(crate) fn reader(&self) -> GUID {
         self.calls.guid()
     }
 
@@ -116,7 +116,7 @@ impl Default for ReplyReaders {
 
 impl ReplyReaders {
     /// Discovery tells of a reader. Its writer is matched a moment later, and what is written in between is lost.
-    pub fn detected(&self, reader: GUID, topic: &str) {
+    pub(crate) fn detected(&self, reader: GUID, topic: &str) {
         if topic.starts_with("rr/") {
             topic.clone_into(&mut self.known.borrow_mut().entry(reader).or_default().0);
         }
@@ -124,16 +124,16 @@ impl ReplyReaders {
 
     /// A writer of the node is matched with a reader. What waits goes at the next look and not at once: the reader's side
     /// tells of it a moment before it takes anything (Cyclone DDS).
-    pub fn matched(&self, reader: GUID) {
+    pub(crate) fn matched(&self, reader: GUID) {
         self.known.borrow_mut().entry(reader).or_default().1 = true;
     }
 
-    pub fn forget(&self, gone: impl Fn(GUID) -> bool) {
+    pub(crate) fn forget(&self, gone: impl Fn(GUID) -> bool) {
         self.known.borrow_mut().retain(|reader, _| !gone(*reader));
     }
 
     /// Makes who waits look again.
-    pub fn look_again(&self) {
+    pub(crate) fn look_again(&self) {
         // Full: there is news already.
         let _ = self.news.0.try_send(());
     }

@@ -16,17 +16,17 @@ pub(super) struct Silence {
 }
 
 impl Silence {
-    pub fn new(now: Instant) -> Self {
+    pub(crate) fn new(now: Instant) -> Self {
         Self { looks: 0, heard: false, due: now + LOOK }
     }
 
     /// Time until the next look.
-    pub fn left(&self, now: Instant) -> Duration {
+    pub(crate) fn left(&self, now: Instant) -> Duration {
         self.due.saturating_duration_since(now)
     }
 
     /// The process has said something, or not.
-    pub fn look(&mut self, heard: bool, now: Instant) {
+    pub(crate) fn look(&mut self, heard: bool, now: Instant) {
         self.heard |= heard;
         if self.heard {
             self.looks = 0;

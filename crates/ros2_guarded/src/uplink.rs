@@ -14,12 +14,12 @@ pub(super) struct Uplink {
 }
 
 impl Uplink {
-    pub fn new(socket: UnixStream) -> Self {
+    pub(crate) fn new(socket: UnixStream) -> Self {
         Self { socket, frame: Mutex::default() }
     }
 
     /// Waits until the node takes it.
-    pub fn send(&self, head: Head, body: &[u8]) {
+    pub(crate) fn send(&self, head: Head, body: &[u8]) {
         let mut frame = self.frame.lock().unwrap_or_else(PoisonError::into_inner);
         frame.clear();
         let framed = head.frame(&mut frame, |b| {
@@ -37,23 +37,23 @@ impl Uplink {
     }
 
     /// Ends who reads from the socket.
-    pub fn deafen(&self) {
+    pub(crate) fn deafen(&self) {
         // Fails only when the node is gone.
         let _ = self.socket.shutdown(Shutdown::Read);
     }
 
     /// Something in words.
-    pub fn text(&self, kind: Kind, text: &str) {
+    pub(crate) fn text(&self, kind: Kind, text: &str) {
         self.send(Head::new(kind), text.as_bytes());
     }
 
     /// A line of the node's own log.
-    pub fn log(&self, level: log::Level, text: &str) {
+    pub(crate) fn log(&self, level: log::Level, text: &str) {
         self.send(Head { flag: level as u8, ..Head::new(Kind::Log) }, format!("\n{text}").as_bytes());
     }
 
     /// A line of the middleware: its level, and its target and text in two lines.
-    pub fn relay(&self, (level, line): (u8, String)) {
+    pub(crate) fn relay(&self, (level, line): (u8, String)) {
         self.send(Head { flag: level, ..Head::new(Kind::Log) }, line.as_bytes());
     }
 }

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender};
 
 use crate::GuardError;
-use crate::threads::spawn;
+use named_threads::spawn;
 
 /// Time between two looks.
 const LOOK: std::time::Duration = std::time::Duration::from_millis(200);
@@ -73,12 +73,12 @@ pub(super) struct Watch {
 
 impl Watch {
     /// `threads` are those that must live as long as the process does.
-    pub fn new(hears: bool, threads: Vec<PathBuf>) -> Self {
+    pub(crate) fn new(hears: bool, threads: Vec<PathBuf>) -> Self {
         Self { threads, unheard: 0, heard: 0, hears, complaints: VecDeque::new(), flooded: false }
     }
 
     /// Looks; call it every [`LOOK`] with how many complaints and how many knocks were heard in all.
-    pub fn look(&mut self, complaints: u64, heard: u64, knock: impl FnOnce()) -> Finding {
+    pub(crate) fn look(&mut self, complaints: u64, heard: u64, knock: impl FnOnce()) -> Finding {
         if self.heard != heard {
             self.heard = heard;
             self.unheard = 0;
@@ -138,7 +138,7 @@ pub(super) struct Voice {
 
 impl Voice {
     /// Listens; once per process. `verbosity` is the level from 1 (error) to 5 (trace) up to which lines are wanted.
-    pub fn listen(verbosity: u8) -> (&'static Self, Receiver<(u8, String)>) {
+    pub(crate) fn listen(verbosity: u8) -> (&'static Self, Receiver<(u8, String)>) {
         let (lines, received) = crossbeam_channel::bounded(LINES);
         let verbosity = log::Level::iter().find(|level| *level as u8 == verbosity).unwrap_or(log::Level::Error);
         // The logger of a process lives as long as the process.
@@ -152,24 +152,24 @@ impl Voice {
     }
 
     /// A packet that is no RTPS and as long as the header of one.
-    pub fn knock(&self) -> [u8; 20] {
+    pub(crate) fn knock(&self) -> [u8; 20] {
         let mut packet = [0; 20];
         packet[..4].copy_from_slice(&mark());
         packet
     }
 
     /// Knocks that were heard, in all.
-    pub fn heard(&self) -> u64 {
+    pub(crate) fn heard(&self) -> u64 {
         self.knocks.load(Ordering::Relaxed)
     }
 
     /// Whether a packet has made the process deaf for a true publisher.
-    pub fn misled(&self) -> bool {
+    pub(crate) fn misled(&self) -> bool {
         self.misled.load(Ordering::Relaxed)
     }
 
     /// Packets that could not be taken, in all.
-    pub fn complaints(&self) -> u64 {
+    pub(crate) fn complaints(&self) -> u64 {
         self.complaints.load(Ordering::Relaxed)
     }
 }

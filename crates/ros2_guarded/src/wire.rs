@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::session::ZenohSession;
 
 /// Longest body of a frame: more than any tissue that can be answered in time.
-pub const LONGEST: usize = 16 << 20;
+pub(crate) const LONGEST: usize = 16 << 20;
 /// Length of the part before the body.
 pub(super) const HEAD: usize = 8 + size_of::<Stamp>();
 /// What a frame is.
@@ -70,7 +70,7 @@ impl Kind {
 pub type Stamp = [u8; 32];
 
 /// A stamp that says nothing.
-pub const UNSTAMPED: Stamp = [0; 32];
+pub(crate) const UNSTAMPED: Stamp = [0; 32];
 
 /// Who publishes: the GUID of a writer, which `ros2 topic info --verbose` lists. Zeros where the middleware does not say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -96,7 +96,7 @@ pub fn wall_nanos() -> i64 {
 }
 
 /// Two times and a publisher as a stamp.
-pub fn times([received, sent]: [i64; 2], publisher: Guid) -> Stamp {
+pub(crate) fn times([received, sent]: [i64; 2], publisher: Guid) -> Stamp {
     let mut stamp = UNSTAMPED;
     stamp[16..].copy_from_slice(&publisher.0);
     stamp[..8].copy_from_slice(&received.to_ne_bytes());
@@ -127,7 +127,7 @@ pub fn publisher_of(stamp: &Stamp) -> Guid {
 }
 
 /// A caller as a stamp.
-pub fn caller(guid: [u8; 16], number: i64) -> Stamp {
+pub(crate) fn caller(guid: [u8; 16], number: i64) -> Stamp {
     let mut stamp = UNSTAMPED;
     stamp[..16].copy_from_slice(&guid);
     stamp[16..24].copy_from_slice(&number.to_ne_bytes());
@@ -135,7 +135,7 @@ pub fn caller(guid: [u8; 16], number: i64) -> Stamp {
 }
 
 /// The caller of a stamp.
-pub fn caller_of(stamp: &Stamp) -> ([u8; 16], i64) {
+pub(crate) fn caller_of(stamp: &Stamp) -> ([u8; 16], i64) {
     let (mut guid, mut number) = ([0; 16], [0; 8]);
     guid.copy_from_slice(&stamp[..16]);
     number.copy_from_slice(&stamp[16..24]);
@@ -172,7 +172,7 @@ impl Head {
     ///
     /// # Errors
     /// What `fill` says, or that the body is too long; then nothing is appended.
-    pub fn frame(
+    pub(crate) fn frame(
         self,
         bytes: &mut Vec<u8>,
         fill: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,

@@ -6,6 +6,7 @@
 //!
 //! A program that uses this crate calls [`ros2_guarded::serve`] first of all in `main`.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 pub mod arguments;
 pub mod clock;

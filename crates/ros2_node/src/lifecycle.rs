@@ -64,7 +64,7 @@ impl State {
 
     /// As a message.
     #[must_use]
-    pub fn message(self) -> msgs::State {
+    pub(crate) fn message(self) -> msgs::State {
         msgs::State { id: self as u8, label: self.label().to_owned() }
     }
 }
@@ -86,7 +86,7 @@ pub enum Change {
 
 /// A transition between two states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Transition {
+pub(crate) struct Transition {
     /// Number in `lifecycle_msgs/msg/Transition`.
     pub id: u8,
     /// Its name.
@@ -100,13 +100,13 @@ pub struct Transition {
 impl Transition {
     /// As a message.
     #[must_use]
-    pub fn message(self) -> msgs::Transition {
+    pub(crate) fn message(self) -> msgs::Transition {
         msgs::Transition { id: self.id, label: self.label.to_owned() }
     }
 
     /// With its states.
     #[must_use]
-    pub fn description(self) -> msgs::TransitionDescription {
+    pub(crate) fn description(self) -> msgs::TransitionDescription {
         msgs::TransitionDescription {
             transition: self.message(),
             start_state: self.start.message(),
@@ -124,7 +124,7 @@ const FAILURE: &str = "transition_failure";
 const ERROR: &str = "transition_error";
 
 /// The whole graph, in rcl_lifecycle's order.
-pub const TRANSITIONS: [Transition; 25] = {
+pub(crate) const TRANSITIONS: [Transition; 25] = {
     use State::{
         Activating, Active, CleaningUp, Configuring, Deactivating, ErrorProcessing, Finalized, Inactive, ShuttingDown,
         Unconfigured,
@@ -159,14 +159,14 @@ pub const TRANSITIONS: [Transition; 25] = {
 };
 
 /// Transitions that start in a state.
-pub fn from(state: State) -> impl Iterator<Item = Transition> {
+pub(crate) fn from(state: State) -> impl Iterator<Item = Transition> {
     TRANSITIONS.into_iter().filter(move |t| t.start == state)
 }
 
 /// The transition and change that a request means in a state. The request's name is used if it has one, otherwise its
 /// number. `None`: there is no such transition from this state.
 #[must_use]
-pub fn requested(state: State, asked: &msgs::Transition) -> Option<(Transition, Change)> {
+pub(crate) fn requested(state: State, asked: &msgs::Transition) -> Option<(Transition, Change)> {
     let fits = |t: &Transition| if asked.label.is_empty() { t.id == asked.id } else { t.label == asked.label };
     let transition = from(state).filter(fits).find(|t| t.id < 10)?;
     let change = match transition.id {
@@ -181,7 +181,7 @@ pub fn requested(state: State, asked: &msgs::Transition) -> Option<(Transition, 
 
 /// The transition that ends an active transition.
 #[must_use]
-pub fn ended(state: State, success: bool) -> Option<Transition> {
+pub(crate) fn ended(state: State, success: bool) -> Option<Transition> {
     from(state).find(|t| t.label == if success { SUCCESS } else { FAILURE })
 }
 

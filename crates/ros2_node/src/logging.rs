@@ -40,7 +40,7 @@ pub enum Severity {
 impl Severity {
     /// Parses `debug`, `INFO`, ...
     #[must_use]
-    pub fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         Some(match text.to_ascii_lowercase().as_str() {
             "debug" => Self::Debug,
             "info" => Self::Info,
@@ -73,7 +73,7 @@ impl Severity {
 
 /// One line for `/rosout`.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub(crate) struct Record {
     /// Wall time, ns since 1970.
     pub wall_nanos: i64,
     /// Severity.
@@ -87,7 +87,7 @@ pub struct Record {
 }
 
 /// Number of lines that `/rosout` lost because the publishing thread was behind.
-pub static ROSOUT_DROPPED: AtomicU64 = AtomicU64::new(0);
+pub(crate) static ROSOUT_DROPPED: AtomicU64 = AtomicU64::new(0);
 
 struct RosLayer {
     name: String,
@@ -104,7 +104,7 @@ struct RosLayer {
 static LEVELS: RwLock<Vec<(String, Severity)>> = RwLock::new(Vec::new());
 
 /// Sets the level of a logger.
-pub fn set_level(logger: &str, level: Severity) {
+pub(crate) fn set_level(logger: &str, level: Severity) {
     let mut levels = LEVELS.write().unwrap_or_else(PoisonError::into_inner);
     levels.retain(|(name, _)| name != logger);
     levels.push((logger.to_owned(), level));
@@ -114,7 +114,7 @@ pub fn set_level(logger: &str, level: Severity) {
 
 /// The level that was set for a logger.
 #[must_use]
-pub fn level(logger: &str) -> Option<Severity> {
+pub(crate) fn level(logger: &str) -> Option<Severity> {
     let levels = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
     levels.iter().find(|(name, _)| name == logger).map(|(_, level)| *level)
 }
@@ -135,7 +135,12 @@ struct Console {
 /// Installs the process's log for a node and returns the lines for `/rosout`. Only the first call in a process
 /// affects the console. With a folder, every line is also written to a file there.
 #[must_use]
-pub fn install(node: &str, program: &'static str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
+pub(crate) fn install(
+    node: &str,
+    program: &'static str,
+    arguments: &LogArguments,
+    folder: Option<&Path>,
+) -> Receiver<Record> {
     static INSTALLED: OnceLock<()> = OnceLock::new();
     let (sender, receiver) = crossbeam_channel::bounded(256);
     if INSTALLED.set(()).is_ok() {
@@ -163,7 +168,7 @@ pub fn install(node: &str, program: &'static str, arguments: &LogArguments, fold
 
 /// The logger name of a node: `or1.twin` for `/or1/twin`.
 #[must_use]
-pub fn logger_name(node: &str) -> String {
+pub(crate) fn logger_name(node: &str) -> String {
     node.trim_start_matches('/').replace('/', ".")
 }
 
@@ -234,7 +239,7 @@ fn local_time(wall_nanos: i64) -> String {
 impl RosLayer {
     /// Whether a line is the node's own, and not that of a library.
     fn is_own(&self, target: &str) -> bool {
-        const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
+        const OWN: [&str; 4] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap", "named_threads"];
         let of = target.split("::").next().unwrap_or_default();
         of == self.program || OWN.contains(&of)
     }

@@ -20,7 +20,7 @@ pub struct Origin {
 impl Origin {
     /// Origin of a message that is taken now.
     #[must_use]
-    pub fn of(delivery: &Delivery) -> Self {
+    pub(crate) fn of(delivery: &Delivery) -> Self {
         let [received_nanos, _] = times_of(&delivery.stamp);
         let waited = u64::try_from(wall_nanos().saturating_sub(received_nanos)).unwrap_or(0);
         let now = Instant::now();

@@ -132,7 +132,7 @@ pub fn scalar(text: &str) -> Result<ParameterValue, String> {
 ///
 /// # Errors
 /// [`YamlError`] with the file and line.
-pub fn read(path: &Path) -> Result<Vec<ParameterOverride>, YamlError> {
+pub(crate) fn read(path: &Path) -> Result<Vec<ParameterOverride>, YamlError> {
     let fail = |reason: String| YamlError::Read { path: path.to_owned(), reason };
     let file = std::fs::File::open(path).map_err(|e| fail(e.to_string()))?;
     let mut text = String::new();

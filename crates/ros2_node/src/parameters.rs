@@ -35,7 +35,7 @@ pub enum Range {
 }
 
 /// Additional check of a value; the error states what would be valid.
-pub type Check = fn(&ParameterValue) -> Result<(), String>;
+pub(crate) type Check = fn(&ParameterValue) -> Result<(), String>;
 
 /// A declared parameter.
 #[derive(Clone, Debug)]
@@ -78,19 +78,11 @@ impl Declaration {
         self
     }
 
-    /// With an additional check, described in words.
-    #[must_use]
-    pub fn checked(mut self, constraints: &str, check: Check) -> Self {
-        constraints.clone_into(&mut self.constraints);
-        self.check = Some(check);
-        self
-    }
-
     /// The value converted to this parameter's type (an integer, or a number as text, is accepted as a double).
     ///
     /// # Errors
     /// What would be valid, in words.
-    pub fn accept(&self, value: &ParameterValue) -> Result<ParameterValue, String> {
+    pub(crate) fn accept(&self, value: &ParameterValue) -> Result<ParameterValue, String> {
         use ParameterValue as P;
         #[allow(clippy::cast_precision_loss)] // parameters are small numbers
         let value = match (&self.default, value) {
@@ -170,7 +162,7 @@ fn default_empty(value: &ParameterValue) -> ParameterValue {
 
 /// Name of the type.
 #[must_use]
-pub fn word(value: &ParameterValue) -> &'static str {
+pub(crate) fn word(value: &ParameterValue) -> &'static str {
     match value.to_parameter_type() {
         ParameterType::NotSet => "nothing",
         ParameterType::Bool => "boolean",
@@ -275,7 +267,7 @@ impl Parameters {
 
     /// All names, sorted.
     #[must_use]
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         self.declared().keys().cloned().collect()
     }
 

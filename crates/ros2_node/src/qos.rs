@@ -77,7 +77,7 @@ pub fn apply(profile: &mut QosProfile, policy: &str, value: &ParameterValue) -> 
 
 /// The declarations of rclcpp for an endpoint: its QoS as read-only parameters with the names of the overrides.
 #[must_use]
-pub fn declarations(topic: &str, side: Side, profile: &QosProfile) -> Vec<Declaration> {
+pub(crate) fn declarations(topic: &str, side: Side, profile: &QosProfile) -> Vec<Declaration> {
     let word = |text: &str| ParameterValue::String(text.to_owned());
     let (history, depth) = match profile.history {
         History::KeepLast { depth } => ("keep_last", i64::try_from(depth).unwrap_or(i64::MAX)),

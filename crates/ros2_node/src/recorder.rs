@@ -18,7 +18,7 @@ use super::clock::wall_nanos;
 use super::parameter::{Parameter, parameters};
 use super::parameters::Parameters;
 use super::start::NodeError;
-use ros2_guarded::threads::spawn;
+use named_threads::spawn;
 use ros2_messages::schema::Schema;
 use ros2_messages::to_cdr;
 use rosbag2_mcap::{BagWriter, Qos, TopicId, WriterOptions, Written};
@@ -66,7 +66,7 @@ struct Backlog {
 
 /// Accepts the messages of one topic.
 #[derive(Clone)]
-pub struct Tap {
+pub(crate) struct Tap {
     topic: TopicId,
     sender: SyncSender<Entry>,
     backlog: Arc<Backlog>,
@@ -74,13 +74,13 @@ pub struct Tap {
 
 impl Tap {
     /// Records a message that the node sends now.
-    pub fn said<M: Serialize>(&self, message: &M) {
+    pub(crate) fn said<M: Serialize>(&self, message: &M) {
         let now = wall_nanos();
         self.put(message, now, now);
     }
 
     /// Records a message that was received; times in ns since 1970.
-    pub fn heard<M: Serialize>(&self, message: &M, [received, sent]: [i64; 2]) {
+    pub(crate) fn heard<M: Serialize>(&self, message: &M, [received, sent]: [i64; 2]) {
         self.put(message, received, sent);
     }
 
@@ -162,7 +162,7 @@ impl Recorder {
     ///
     /// # Errors
     /// [`NodeError::Other`] if no thread can be started.
-    pub fn start(self) -> Result<Recording, NodeError> {
+    pub(crate) fn start(self) -> Result<Recording, NodeError> {
         let Self { writer, sender, entries, backlog, .. } = self;
         tracing::info!("recording into {}", writer.folder().display());
         let shared = Arc::clone(&backlog);
@@ -235,7 +235,7 @@ impl Recording {
     pub fn finish(self) -> u64 {
         // Fails only if the thread has ended.
         let _ = self.sender.send(Entry::Stop);
-        ros2_guarded::threads::join(self.thread);
+        named_threads::join(self.thread);
         let lost = self.backlog.lost.load(Ordering::Relaxed);
         if lost > 0 {
             tracing::error!("{lost} messages are missing in the recording");

@@ -17,7 +17,7 @@ pub struct Rosout {
 impl Rosout {
     /// `logger` is the node's name with dots, `or1.twin`.
     #[must_use]
-    pub const fn new(lines: Receiver<Record>, logger: String) -> Self {
+    pub(crate) const fn new(lines: Receiver<Record>, logger: String) -> Self {
         Self { lines, logger, output: None }
     }
 
@@ -25,7 +25,7 @@ impl Rosout {
     ///
     /// # Errors
     /// [`ParticipantError`].
-    pub fn offer(&mut self, participant: &mut Participant) -> Result<(), ParticipantError> {
+    pub(crate) fn offer(&mut self, participant: &mut Participant) -> Result<(), ParticipantError> {
         self.output = Some(participant.rosout()?);
         Ok(())
     }

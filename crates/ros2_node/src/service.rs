@@ -45,7 +45,7 @@ impl Mapping {
 
     /// The mapping of the node's own calls.
     #[must_use]
-    pub const fn own(self) -> ServiceMapping {
+    pub(crate) const fn own(self) -> ServiceMapping {
         match self {
             Self::OfCaller(mapping) | Self::Fixed(mapping) => mapping,
             Self::Zenoh => ServiceMapping::Enhanced,
@@ -121,7 +121,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
     }
 
     /// The next request that has arrived. A request that can't be read is reported and skipped.
-    pub fn take(&self) -> Option<(Caller, Q)> {
+    pub(crate) fn take(&self) -> Option<(Caller, Q)> {
         std::iter::from_fn(|| self.mailbox.take()).find_map(|delivery| self.read(&delivery))
     }
 

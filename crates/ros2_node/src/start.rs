@@ -43,9 +43,12 @@ pub enum NodeError {
     /// Error of the network.
     #[error(transparent)]
     Participant(#[from] ParticipantError),
-    /// Error of the middleware process, or of a thread.
+    /// Error of the middleware process.
     #[error(transparent)]
     Guard(#[from] ros2_guarded::GuardError),
+    /// No thread could be started.
+    #[error(transparent)]
+    Thread(#[from] named_threads::ThreadError),
     /// Error of the program itself.
     #[error(transparent)]
     Program(Box<dyn std::error::Error + Send + Sync>),
@@ -69,7 +72,7 @@ impl NodeError {
         match self {
             Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
             Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
-            Self::Participant(_) | Self::Guard(_) | Self::Program(_) | Self::Other(_) => FAILURE,
+            Self::Participant(_) | Self::Guard(_) | Self::Thread(_) | Self::Program(_) | Self::Other(_) => FAILURE,
         }
     }
 }

@@ -45,7 +45,7 @@ pub(super) struct FileIndex {
 impl FileIndex {
     /// The text of metadata.yaml within the file. rosbag2 writes two such records: at the start a placeholder, at the end
     /// the true one.
-    pub fn own_metadata(&self) -> Option<&str> {
+    pub(crate) fn own_metadata(&self) -> Option<&str> {
         let record = self.metadata.iter().rfind(|m| m.name == "rosbag2")?;
         record.entries.get("serialized_metadata").map(String::as_str)
     }

@@ -3,6 +3,7 @@
 //! A bag is a folder with `metadata.yaml` and one or more `.mcap` files, or one such file alone. [`BagReader`] opens it
 //! and says what of it is lost, [`BagWriter`] makes one, [`check()`] looks for what other readers would refuse.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod check;
 mod checksum;
@@ -26,7 +27,8 @@ pub use error::{BagError, Loss};
 pub use messages::Messages;
 pub use metadata::Metadata;
 pub use options::WriterOptions;
-pub use qos::{Qos, QosTime};
+pub use qos::Qos;
+pub use qos::QosTime;
 pub use reader::{BagReader, Message, Topic};
 pub use writer::{BagWriter, TopicId, Written};
 

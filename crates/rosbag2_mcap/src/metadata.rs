@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// Version that is written; 4 and later are read.
-pub const VERSION: i64 = 9;
+pub(crate) const VERSION: i64 = 9;
 
 /// What metadata.yaml says of a bag.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -105,7 +105,7 @@ impl QosField {
     ///
     /// # Errors
     /// What the YAML reader says of a text that is no list of profiles.
-    pub fn profiles(&self) -> Result<Vec<Qos>, String> {
+    pub(crate) fn profiles(&self) -> Result<Vec<Qos>, String> {
         match self {
             Self::List(list) => Ok(list.clone()),
             Self::Text(text) => Qos::parse_list(text),
@@ -170,20 +170,20 @@ impl Metadata {
     ///
     /// # Errors
     /// As [`Metadata::parse`].
-    pub fn parse_inner(yaml: &str) -> Result<Self, String> {
+    pub(crate) fn parse_inner(yaml: &str) -> Result<Self, String> {
         serde_saphyr::from_str::<Self>(yaml).map_err(|e| e.to_string())
     }
 
     /// Text of metadata.yaml. Within the MCAP file (record `rosbag2`, key `serialized_metadata`) it stands without
     /// the outer level: [`Metadata::to_yaml_inner`].
     #[must_use]
-    pub fn to_yaml(&self) -> String {
+    pub(crate) fn to_yaml(&self) -> String {
         format!("rosbag2_bagfile_information:\n{}", indent(&self.to_yaml_inner(), 2))
     }
 
     /// The keys and values alone. `ros2 bag play` needs every key to be there.
     #[must_use]
-    pub fn to_yaml_inner(&self) -> String {
+    pub(crate) fn to_yaml_inner(&self) -> String {
         let mut out = format!(
             "version: {}\nstorage_identifier: {}\nduration:\n  nanoseconds: {}\nstarting_time:\n  \
              nanoseconds_since_epoch: {}\nmessage_count: {}\n",

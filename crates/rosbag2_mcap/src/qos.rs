@@ -108,7 +108,7 @@ impl Qos {
 
     /// True if every policy is written by name, as metadata version 9 wants it.
     #[must_use]
-    pub fn is_named(&self) -> bool {
+    pub(crate) fn is_named(&self) -> bool {
         [&self.history, &self.reliability, &self.durability, &self.liveliness]
             .iter()
             .all(|word| matches!(word, Word::Name(_)))
@@ -116,7 +116,7 @@ impl Qos {
 
     /// One entry of rosbag2's list of offered profiles.
     #[must_use]
-    pub fn to_yaml(&self) -> String {
+    pub(crate) fn to_yaml(&self) -> String {
         let word = |word: &Word| match word {
             Word::Name(name) => name.clone(),
             Word::Number(n) => n.to_string(),
@@ -141,7 +141,7 @@ impl Qos {
     ///
     /// # Errors
     /// What the YAML reader says, if the text is anything else.
-    pub fn parse_list(yaml: &str) -> Result<Vec<Self>, String> {
+    pub(crate) fn parse_list(yaml: &str) -> Result<Vec<Self>, String> {
         if yaml.trim().is_empty() {
             return Ok(Vec::new());
         }

@@ -11,17 +11,17 @@ pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
 /// Kinds of record (the first byte).
 pub(super) mod op {
-    pub const HEADER: u8 = 0x01;
-    pub const FOOTER: u8 = 0x02;
-    pub const SCHEMA: u8 = 0x03;
-    pub const CHANNEL: u8 = 0x04;
-    pub const MESSAGE: u8 = 0x05;
-    pub const CHUNK: u8 = 0x06;
-    pub const CHUNK_INDEX: u8 = 0x08;
-    pub const STATISTICS: u8 = 0x0b;
-    pub const METADATA: u8 = 0x0c;
-    pub const METADATA_INDEX: u8 = 0x0d;
-    pub const DATA_END: u8 = 0x0f;
+    pub(crate) const HEADER: u8 = 0x01;
+    pub(crate) const FOOTER: u8 = 0x02;
+    pub(crate) const SCHEMA: u8 = 0x03;
+    pub(crate) const CHANNEL: u8 = 0x04;
+    pub(crate) const MESSAGE: u8 = 0x05;
+    pub(crate) const CHUNK: u8 = 0x06;
+    pub(crate) const CHUNK_INDEX: u8 = 0x08;
+    pub(crate) const STATISTICS: u8 = 0x0b;
+    pub(crate) const METADATA: u8 = 0x0c;
+    pub(crate) const METADATA_INDEX: u8 = 0x0d;
+    pub(crate) const DATA_END: u8 = 0x0f;
 }
 
 /// Length of a record's kind and length fields.

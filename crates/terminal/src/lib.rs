@@ -3,6 +3,7 @@
 //! Names of topics, joints, frames, targets and scenes come from networks and files. An escape sequence in one of them could
 //! hide a line, a line break could forge one, and a mark of writing direction could turn one round.
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 use std::borrow::Cow;
 

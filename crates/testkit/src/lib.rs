@@ -1,5 +1,6 @@
 //! What tests of several crates share. Not published.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)] // a test may fail loudly
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 pub mod coarse;
 pub mod python;

@@ -29,7 +29,7 @@ pub(super) struct Live {
 
 impl Live {
     /// `full_scale_n` is the force that fills a bar, `duration` how long the recording plays.
-    pub fn new(full_scale_n: f64, duration: Duration) -> Self {
+    pub(crate) fn new(full_scale_n: f64, duration: Duration) -> Self {
         let bar = ProgressBar::new(duration.as_millis() as u64);
         let style = ProgressStyle::with_template("{msg}\n{spinner} {bar:40} {percent:>3}%");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -38,7 +38,7 @@ impl Live {
     }
 
     /// Says what is being done.
-    pub fn say(&self, what: &str) {
+    pub(crate) fn say(&self, what: &str) {
         if self.bar.is_hidden() && !what.is_empty() {
             let _ = writeln!(std::io::stderr(), "{what}"); // nowhere left to say that it can't be said
         } else {
@@ -47,7 +47,7 @@ impl Live {
     }
 
     /// Shows the present state.
-    pub fn show(&mut self, heard: &Observations) {
+    pub(crate) fn show(&mut self, heard: &Observations) {
         let begun = *self.begun.get_or_insert_with(Instant::now);
         self.bar.set_position(begun.elapsed().as_millis() as u64);
         let Some(depth) = heard.depths.last() else { return };
@@ -112,7 +112,7 @@ impl Live {
     }
 
     /// Takes the bar away.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::{Goal, Line};
-use crate::guard::{Boundary, Guard, Heard, Orders, Outlook, Phase, Sight, Trouble};
+use needle_guard::{Boundary, Guard, Heard, Orders, Outlook, Phase, Sight, Trouble};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
 use ros2_messages::needle_twin::{self, Safety, TwinStatus};
@@ -39,7 +39,11 @@ pub(super) struct Endpoints {
 
 impl Endpoints {
     /// The middleware drops setpoints older than the configured timeout, since a driver must not use them.
-    pub fn new(participant: &mut Participant, orders: &Orders, use_sim_time: bool) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(
+        participant: &mut Participant,
+        orders: &Orders,
+        use_sim_time: bool,
+    ) -> Result<Self, ParticipantError> {
         let mut commands = qos::reliable(10);
         commands.lifespan = Duration::try_from_secs_f64(orders.timeout_s).ok();
         Ok(Self {
@@ -74,14 +78,14 @@ pub(super) struct Report {
 }
 
 impl Shared {
-    pub fn report(&self) -> Option<Report> {
+    pub(crate) fn report(&self) -> Option<Report> {
         self.report.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
 impl Report {
     /// Its state, and the reason if it does nothing.
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         match self.phase {
             Phase::Waiting(None) => "waiting".to_owned(),
             Phase::Waiting(Some(trouble)) => format!("waiting: {}", because(trouble, &self.twin_says)),

@@ -1,6 +1,6 @@
 //! Parameters of the guard.
 
-use crate::guard::{Orders, Place};
+use needle_guard::{Orders, Place};
 use needle_rig::MotionLimits;
 use ros2_node::parameter::{Parameter, parameters};
 use ros2_node::parameters::{Declaration, Parameters};
@@ -206,30 +206,30 @@ pub(super) struct Line {
 
 impl Line {
     /// Depth of a position along the line, m.
-    pub fn depth_m(&self, place: [f64; 3]) -> f64 {
+    pub(crate) fn depth_m(&self, place: [f64; 3]) -> f64 {
         (0..3).map(|k| (place[k] - self.entry_m[k]) * self.axis[k]).sum()
     }
 
     /// A position in the coordinates of the line.
-    pub fn place(&self, place: [f64; 3]) -> Place {
+    pub(crate) fn place(&self, place: [f64; 3]) -> Place {
         let depth_m = self.depth_m(place);
         let off = |k: usize| place[k] - self.entry_m[k] - depth_m * self.axis[k];
         Place { depth_m, aside_m: (0..3).map(|k| off(k) * off(k)).sum::<f64>().sqrt() }
     }
 
     /// Direction of insertion.
-    pub const fn axis(&self) -> [f64; 3] {
+    pub(crate) const fn axis(&self) -> [f64; 3] {
         self.axis
     }
 
     /// Cosine of the angle to a direction of any length.
-    pub fn along(&self, direction: [f64; 3]) -> f64 {
+    pub(crate) fn along(&self, direction: [f64; 3]) -> f64 {
         let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
         (0..3).map(|k| self.axis[k] * direction[k]).sum::<f64>() / length
     }
 
     /// The component of a force against the insertion, N.
-    pub fn against_n(&self, force: [f64; 3]) -> f64 {
+    pub(crate) fn against_n(&self, force: [f64; 3]) -> f64 {
         -(0..3).map(|k| force[k] * self.axis[k]).sum::<f64>()
     }
 }

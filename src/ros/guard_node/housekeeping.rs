@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::Receiver;
 
 use super::control::{Report, Shared};
-use crate::guard::Phase;
+use needle_guard::Phase;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;
 use ros2_messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -38,7 +38,7 @@ pub(super) struct Housekeeping {
 }
 
 impl Housekeeping {
-    pub fn new(participant: &mut Participant, parameters: &Arc<Parameters>) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant, parameters: &Arc<Parameters>) -> Result<Self, ParticipantError> {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
@@ -50,7 +50,7 @@ impl Housekeeping {
         })
     }
 
-    pub fn run(self, shared: &Shared, rosout: &Rosout, health: &Health, stop: &Receiver<()>) {
+    pub(crate) fn run(self, shared: &Shared, rosout: &Rosout, health: &Health, stop: &Receiver<()>) {
         let clock = NodeClock::new(false);
         let node = self.node.trim_start_matches('/');
         let mut due = Instant::now();

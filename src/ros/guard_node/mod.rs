@@ -19,9 +19,9 @@ use clap::Parser;
 
 use self::control::{Endpoints, Shared, Task};
 use self::housekeeping::Housekeeping;
-use crate::guard::Guard;
+use named_threads::{join, spawn};
+use needle_guard::Guard;
 use ros2_guarded::signals::Signals;
-use ros2_guarded::threads::{join, spawn};
 use ros2_node::parameters::Parameters;
 use ros2_node::recorder::{Recorder, Recording};
 use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
@@ -40,7 +40,7 @@ struct Cli {}
 /// Runs the guard until it has arrived, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments`
 /// does not include the program name.
 #[must_use]
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+pub(crate) fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     // Before any thread is started, because threads inherit the mask.
     let signals = match Signals::block() {
         Ok(signals) => signals,

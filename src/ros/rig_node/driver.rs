@@ -31,7 +31,7 @@ pub(super) struct Endpoints {
 }
 
 impl Endpoints {
-    pub fn new(participant: &mut Participant, load_cell: bool) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant, load_cell: bool) -> Result<Self, ParticipantError> {
         Ok(Self {
             servo: participant.subscription("servo_jp", qos::sensor(10))?,
             measured: participant.publisher("measured_js", qos::reliable(10))?,

@@ -118,7 +118,7 @@ pub(super) struct Housekeeping {
 }
 
 impl Housekeeping {
-    pub fn new(
+    pub(crate) fn new(
         participant: &mut Participant,
         parameters: &Arc<Parameters>,
         plays: bool,
@@ -139,7 +139,7 @@ impl Housekeeping {
         }
     }
 
-    pub fn run(self, clock: &NodeClock, commands: &Sender<Command>, rosout: &Rosout, stop: &Receiver<()>) {
+    pub(crate) fn run(self, clock: &NodeClock, commands: &Sender<Command>, rosout: &Rosout, stop: &Receiver<()>) {
         loop {
             self.parameter_services.poll(&self.parameters, clock, &mut |name, value| {
                 tracing::info!("parameter {name} is now {}", ros2_node::parameters::show(value));

@@ -46,7 +46,7 @@ pub(super) struct Outputs {
 
 impl Outputs {
     /// One publisher per played topic, with the recorded QoS.
-    pub fn new(participant: &mut Participant, player: &Player, wishes: Wishes) -> Result<Self, NodeError> {
+    pub(crate) fn new(participant: &mut Participant, player: &Player, wishes: Wishes) -> Result<Self, NodeError> {
         let Wishes { clock_hz, relative_names, position, force } = wishes;
         let mut by_topic: BTreeMap<usize, Vec<Sink>> = BTreeMap::new();
         let bag = player.bag();
@@ -81,7 +81,7 @@ impl Outputs {
     }
 
     /// Whether a topic (index into the bag's) is played.
-    pub fn plays(&self, topic: usize) -> bool {
+    pub(crate) fn plays(&self, topic: usize) -> bool {
         self.by_topic.contains_key(&topic)
     }
 
@@ -89,7 +89,7 @@ impl Outputs {
     ///
     /// # Errors
     /// Why it can't be published.
-    pub fn send(&self, bag: &BagReader, message: Message) -> Result<(), String> {
+    pub(crate) fn send(&self, bag: &BagReader, message: Message) -> Result<(), String> {
         for sink in self.by_topic.get(&message.topic).into_iter().flatten() {
             match sink {
                 Sink::AsRecorded(output) => {

@@ -139,7 +139,7 @@ struct Verdict {
 }
 
 impl Assured {
-    pub const fn new(lever_m: f64) -> Self {
+    pub(crate) const fn new(lever_m: f64) -> Self {
         let cell = Cell { usable: None, fault: None };
         Self {
             lever_m,
@@ -154,14 +154,14 @@ impl Assured {
     }
 
     /// Notes that an answer was published.
-    pub fn answered(&mut self, answer: &Answer) {
+    pub(crate) fn answered(&mut self, answer: &Answer) {
         let seen = Seen { stamp_nanos: answer.stamp.nanos(), received: answer.received };
         let force_n = answer.prediction.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
         self.pose = Some((seen, force_n, answer.pose.pose.axis));
     }
 
     /// Resets with the tissue: earlier evidence belongs to another run.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         (self.pose, self.agreement, self.well_since) = (None, None, None);
     }
 
@@ -300,7 +300,7 @@ pub(super) struct Assurance {
 impl Assurance {
     /// A message older than `guard_timeout_s` proves nothing. So the middleware drops it (lifespan) and reports if
     /// none came in time (deadline).
-    pub fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
         let timeout = Duration::try_from_secs_f64(parameters.get(GUARD_TIMEOUT_S)).ok();
         let mut profile = qos::reliable(1);
         (profile.deadline, profile.lifespan) = (timeout, timeout);
@@ -311,7 +311,7 @@ impl Assurance {
     }
 
     /// Publishes "not safe": the last message of a node that ends.
-    pub fn deny(&self, frame_id: &str, shared: &Shared) {
+    pub(crate) fn deny(&self, frame_id: &str, shared: &Shared) {
         self.bare.send(Bool { data: false });
         let header = Header { stamp: shared.clock.stamp(), frame_id: frame_id.to_owned() };
         let reasons = vec!["the node ends".to_owned()];
@@ -329,12 +329,12 @@ impl Assurance {
     }
 
     /// Whether there is a subscriber.
-    pub fn is_wanted(&self) -> bool {
+    pub(crate) fn is_wanted(&self) -> bool {
         self.bare.is_wanted() || self.safety.is_wanted()
     }
 
     /// Publishes if it is due, or if the report changes to "not safe".
-    pub fn publish(&self, frame_id: &str, assured: &mut Assured, shared: &Shared, is_due: bool) {
+    pub(crate) fn publish(&self, frame_id: &str, assured: &mut Assured, shared: &Shared, is_due: bool) {
         if !self.is_wanted() {
             // a new subscriber must not get an earlier "safe"
             assured.safe = false;

@@ -93,12 +93,12 @@ fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
 
 impl Comparator {
     /// Compares forces, and runs the identification if it is configured.
-    pub fn new(identification: Option<Identification>) -> Self {
+    pub(crate) fn new(identification: Option<Identification>) -> Self {
         Self { identification, ..Self::default() }
     }
 
     /// Takes a reading. `range_n`: range of the load cell, N, 0 if it is not known; `band_n`: tolerated disagreement.
-    pub fn measured(&mut self, mut reading: Reading, range_n: f64, band_n: f64) {
+    pub(crate) fn measured(&mut self, mut reading: Reading, range_n: f64, band_n: f64) {
         self.leave_out_what_is_not_measured(&mut reading);
         let Reading { stamp_nanos, received, force_n, .. } = reading;
         if !is_force(&force_n) {
@@ -131,7 +131,7 @@ impl Comparator {
     }
 
     /// The state of the load cell according to its newest readings.
-    pub const fn cell(&self) -> Cell {
+    pub(crate) const fn cell(&self) -> Cell {
         self.cell
     }
 
@@ -149,7 +149,7 @@ impl Comparator {
     }
 
     /// Takes a prediction.
-    pub fn predicted(&mut self, answer: Answer) {
+    pub(crate) fn predicted(&mut self, answer: Answer) {
         let predicted = axial(answer.prediction.force_n, answer.pose.pose.axis);
         self.predicted_n = predicted;
         self.peak_predicted = self.peak_predicted.max(predicted.abs());
@@ -164,7 +164,7 @@ impl Comparator {
     ///
     /// # Errors
     /// Why there is no such reading, or why the tare is rejected.
-    pub fn tare(&mut self, range_n: f64, band_n: f64) -> Result<[f64; 3], String> {
+    pub(crate) fn tare(&mut self, range_n: f64, band_n: f64) -> Result<[f64; 3], String> {
         let newest = self.readings.back().ok_or("no load-cell reading has come")?.stamp_nanos;
         let recent = self.readings.iter().rev().take_while(|r| newest - r.stamp_nanos <= TARE_NANOS);
         let (mut sum, mut n) = ([0.0; 6], 0.0);
@@ -196,7 +196,7 @@ impl Comparator {
     }
 
     /// Resets everything except the tare.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         let mut identification = self.identification.take();
         identification.iter_mut().for_each(Identification::reset);
         *self = Self {
@@ -221,7 +221,7 @@ impl Comparator {
     }
 
     /// RMSE and largest |residual| so far, N, if there were comparisons.
-    pub fn statistics(&self) -> Option<(f64, f64)> {
+    pub(crate) fn statistics(&self) -> Option<(f64, f64)> {
         #[allow(clippy::cast_precision_loss)]
         (self.samples > 0).then(|| ((self.squares / self.samples as f64).sqrt(), self.max_abs))
     }
@@ -242,7 +242,7 @@ impl Comparator {
     }
 
     /// The next possible comparison, if any, and the agreement if it is valid.
-    pub fn next(&mut self, frame_id: &str, range_n: f64) -> Option<(ForceComparison, Option<Agreement>)> {
+    pub(crate) fn next(&mut self, frame_id: &str, range_n: f64) -> Option<(ForceComparison, Option<Agreement>)> {
         let (answer, since) = *self.waiting.front()?;
         let stamp = answer.stamp.nanos();
         let newest = self.readings.back().map(|r| r.stamp_nanos);

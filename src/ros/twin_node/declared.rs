@@ -178,7 +178,7 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    pub fn of(parameters: &Parameters) -> Self {
+    pub(crate) fn of(parameters: &Parameters) -> Self {
         Self {
             joint_name: parameters.get(JOINT_NAME),
             tissue_rate_hz: parameters.get(TISSUE_RATE_HZ),

@@ -43,7 +43,7 @@ pub(super) struct Seen {
 
 impl Seen {
     /// For a needle with a diameter, m.
-    pub fn new(needle: Option<f64>) -> Self {
+    pub(crate) fn new(needle: Option<f64>) -> Self {
         Self { number: 0, crossings: needle.map(Crossings::new) }
     }
 
@@ -63,7 +63,7 @@ pub(super) struct ForceOutputs {
 }
 
 impl ForceOutputs {
-    pub fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
         Ok(Self {
             force: participant.publisher("predicted_cf", qos::reliable(10))?,
             comparison: participant.publisher("comparison", qos::reliable(10))?,
@@ -73,7 +73,7 @@ impl ForceOutputs {
         })
     }
 
-    pub fn failed(&self) -> u64 {
+    pub(crate) fn failed(&self) -> u64 {
         self.force.failed() + self.comparison.failed() + self.region.failed() + self.events.failed()
     }
 }

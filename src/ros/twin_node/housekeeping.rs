@@ -86,7 +86,7 @@ pub(super) struct Context {
 
 impl Housekeeping {
     /// Creates the endpoints.
-    pub fn new(
+    pub(crate) fn new(
         participant: &mut Participant,
         parameters: &Arc<Parameters>,
         shared: &Arc<Shared>,
@@ -117,7 +117,7 @@ impl Housekeeping {
     }
 
     /// Runs until `stop` is closed.
-    pub fn run(mut self, context: &Context, stop: &Receiver<()>) {
+    pub(crate) fn run(mut self, context: &Context, stop: &Receiver<()>) {
         let begun = Instant::now();
         let (mut status_due, mut diagnostics_due, mut waiting_due) = (begun, begun, begun + WAITING);
         let mut model: Option<Arc<Model>> = None;

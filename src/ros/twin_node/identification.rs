@@ -38,7 +38,7 @@ impl Identification {
     ///
     /// # Errors
     /// [`NodeError`] for a name that does not exist in the scene.
-    pub fn new(scene: &Scene, names: &[String]) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn new(scene: &Scene, names: &[String]) -> Result<Option<Self>, NodeError> {
         let mut wanted = Vec::new();
         for name in names {
             let parameter = Parameter::of_name(name)
@@ -75,7 +75,7 @@ impl Identification {
     }
 
     /// Restarts.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.identifier.reset();
         self.origin_nanos = None;
     }
@@ -83,7 +83,7 @@ impl Identification {
     /// Updates with a comparison and writes the present estimates into it. `inserted`: the needle is in the tissue.
     /// `doubt_n`: possible error of the twin's force, N.
     #[allow(clippy::cast_precision_loss)] // seconds of one run
-    pub fn take(&mut self, message: &mut ForceComparison, stamp_nanos: i64, inserted: bool, doubt_n: f64) {
+    pub(crate) fn take(&mut self, message: &mut ForceComparison, stamp_nanos: i64, inserted: bool, doubt_n: f64) {
         let time_s = (stamp_nanos - *self.origin_nanos.get_or_insert(stamp_nanos)) as f64 * 1e-9;
         let changed = if message.valid {
             self.identifier.update(time_s, message.predicted_n, inserted, message.measured_n, doubt_n)

@@ -92,7 +92,7 @@ impl Inbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn put_pose(&self, pose: PoseInput) -> Handoff {
+    pub(crate) fn put_pose(&self, pose: PoseInput) -> Handoff {
         let mut state = self.lock();
         let coalesced = state.poses.len() >= state.room.max(1);
         if coalesced {
@@ -107,25 +107,25 @@ impl Inbox {
     }
 
     /// Requests the tissue's present state; false while an earlier request is pending.
-    pub fn put_snapshot(&self, snapshot: Box<Snapshot>) {
+    pub(crate) fn put_snapshot(&self, snapshot: Box<Snapshot>) {
         self.lock().snapshot = Some(snapshot);
         self.wake.notify_one();
     }
 
     /// Requests the scratch copy with the tissue's present state.
-    pub fn look_ahead(&self) {
+    pub(crate) fn look_ahead(&self) {
         self.lock().look_ahead = true;
         self.wake.notify_one();
     }
 
     /// Returns the scratch copy.
-    pub fn give_back(&self, double: Box<Double>) {
+    pub(crate) fn give_back(&self, double: Box<Double>) {
         self.lock().back = Some(double);
         self.wake.notify_one();
     }
 
     /// Requests the undeformed state; earlier poses are discarded.
-    pub fn reset(&self, reason: &'static str) {
+    pub(crate) fn reset(&self, reason: &'static str) {
         let mut state = self.lock();
         state.reset = Some(reason);
         state.poses.clear();
@@ -134,13 +134,13 @@ impl Inbox {
     }
 
     /// Requests a twin.
-    pub fn build(&self) {
+    pub(crate) fn build(&self) {
         self.lock().build = true;
         self.wake.notify_one();
     }
 
     /// Requests that the twin, and the work queued for it, be discarded.
-    pub fn discard(&self) {
+    pub(crate) fn discard(&self) {
         let mut state = self.lock();
         state.discard = true;
         state.poses.clear();
@@ -148,20 +148,20 @@ impl Inbox {
         self.wake.notify_one();
     }
 
-    pub fn stop(&self) {
+    pub(crate) fn stop(&self) {
         self.lock().stop = true;
         self.wake.notify_one();
     }
 
     /// A number that identifies the solver's present or next work, and changes with it. `None` while there is nothing
     /// to do, and while a model is built, which has no time limit.
-    pub fn at_work(&self) -> Option<u64> {
+    pub(crate) fn at_work(&self) -> Option<u64> {
         let state = self.lock();
         (state.at_work || (!state.poses.is_empty() && !state.building)).then_some(state.given)
     }
 
     /// Further work for a busy solver; `None`: it continues. Either call is a sign of life.
-    pub fn meanwhile(&self, room: usize) -> Option<Work> {
+    pub(crate) fn meanwhile(&self, room: usize) -> Option<Work> {
         let mut state = self.lock();
         state.room = room;
         (state.answering, state.missed) = (false, false);
@@ -174,7 +174,7 @@ impl Inbox {
 
     /// Waits for work. A request for a snapshot or a look-ahead waits for at most two poses. `room`: the capacity
     /// from now on.
-    pub fn next(&self, room: usize) -> Work {
+    pub(crate) fn next(&self, room: usize) -> Work {
         let mut state = self.lock();
         state.room = room;
         state.answering = false;

@@ -38,7 +38,7 @@ pub(super) struct Inputs {
 }
 
 impl Inputs {
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
         Ok(Self {
             joint: participant.subscription("measured_js", qos::sensor(10))?,
             pose: participant.subscription("measured_cp", qos::sensor(10))?,
@@ -49,7 +49,7 @@ impl Inputs {
     }
 
     /// The inputs that the node waits for: poses, load cell, clock.
-    pub fn wishes(&self) -> [Wish; 4] {
+    pub(crate) fn wishes(&self) -> [Wish; 4] {
         [self.joint.wish(), self.pose.wish(), self.wrench.wish(), self.clock.wish()]
     }
 }

@@ -29,7 +29,7 @@ impl Judgement {
     }
 
     /// Whether the twin answers every pose with a valid force.
-    pub fn vouches(&self) -> bool {
+    pub(crate) fn vouches(&self) -> bool {
         self.health <= TwinStatus::HEALTH_WARN && !self.contested
     }
 }

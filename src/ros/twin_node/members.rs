@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 use super::shared::{Banded, Shared};
 use super::solver::Answer;
 use super::tracked::{Seen, Tracks};
+use named_threads::lower_priority;
 use needle_core::twin::{Motion, StampedPose};
 use needle_estimate::compare::ensemble::{Ahead, Assimilation, Band, Live, Member, Spread, Told};
-use ros2_guarded::threads::lower_priority;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Pose, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion};
 use ros2_messages::needle_twin::{ForceBand, ForceComparison, Outlook};
@@ -43,7 +43,7 @@ pub(super) struct MemberOutputs {
 }
 
 impl MemberOutputs {
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
         Ok(Self {
             band: participant.publisher("prediction_band", qos::reliable(10))?,
             targets: participant.publisher("targets_with_covariance", qos::reliable(TARGETS))?,
@@ -61,7 +61,7 @@ pub(super) struct Answered {
 }
 
 impl Answered {
-    pub const fn of(answer: &Answer) -> Self {
+    pub(crate) const fn of(answer: &Answer) -> Self {
         Self { stamp: answer.stamp, pose: answer.pose, depth_m: answer.prediction.depth_m }
     }
 }
@@ -75,7 +75,7 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    pub fn of(message: &ForceComparison) -> Self {
+    pub(crate) fn of(message: &ForceComparison) -> Self {
         let ForceComparison { depth_m, measured_n, .. } = *message;
         Self { stamp_nanos: message.header.stamp.nanos(), depth_m, measured_n }
     }
@@ -109,13 +109,13 @@ impl Newest {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn put(&self, pose: Answered) {
+    pub(crate) fn put(&self, pose: Answered) {
         self.lock().pose = Some(pose);
         self.wake.notify_one();
     }
 
     /// Takes a reading; it is used with the next pose.
-    pub fn measured(&self, reading: Measured) {
+    pub(crate) fn measured(&self, reading: Measured) {
         let mut state = self.lock();
         if state.measured.len() == KEPT {
             state.measured.pop_front();
@@ -124,7 +124,7 @@ impl Newest {
     }
 
     /// Takes tracked points; they are used with the next pose.
-    pub fn tracked(&self, seen: Seen) {
+    pub(crate) fn tracked(&self, seen: Seen) {
         let mut state = self.lock();
         if state.tracked.len() == KEPT {
             state.tracked.pop_front();
@@ -133,7 +133,7 @@ impl Newest {
     }
 
     /// Resets the members with the twin, before any later pose.
-    pub fn reset(&self) {
+    pub(crate) fn reset(&self) {
         let mut state = self.lock();
         (state.pose, state.reset) = (None, true);
         state.measured.clear();
@@ -142,7 +142,7 @@ impl Newest {
         self.wake.notify_one();
     }
 
-    pub fn stop(&self) {
+    pub(crate) fn stop(&self) {
         self.lock().stop = true;
         self.wake.notify_one();
     }

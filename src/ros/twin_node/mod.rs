@@ -63,11 +63,11 @@ use self::solver::{Event, Outlets};
 use self::supervisor::Supervisor;
 use self::tissue::TissueOutputs;
 use super::scene_parameters;
+use named_threads::{join, join_before, spawn};
 use needle_core::scene::Scene;
 use needle_estimate::compare::ensemble::{self, EnsembleError, Member, Size};
 use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
-use ros2_guarded::threads::{join, join_before, spawn};
 use ros2_messages::RosMessage as _;
 use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
@@ -122,7 +122,7 @@ pub fn ports() -> [Port; 2] {
 
 /// The topics that the node reads, by the names that it has for them, with their types as ROS says them.
 #[must_use]
-pub fn input_topics() -> [(&'static str, &'static str); 4] {
+pub(crate) fn input_topics() -> [(&'static str, &'static str); 4] {
     [
         ("measured_js", JointState::TYPE),
         ("measured_cp", PoseStamped::TYPE),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::declared;
 use super::shared::Shared;
 use super::tissue::{Model, Snapshot};
-use crate::openigtlink::{Board, Instrument, Server};
+use openigtlink::{Board, Instrument, Server};
 use ros2_node::parameters::Parameters;
 use ros2_node::start::NodeError;
 
@@ -21,7 +21,7 @@ impl Link {
     ///
     /// # Errors
     /// [`NodeError`] if the port is in use.
-    pub fn open(parameters: &Parameters, shared: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn open(parameters: &Parameters, shared: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
         if !parameters.get(declared::OPENIGTLINK) {
             return Ok(None);
         }
@@ -48,17 +48,17 @@ impl Link {
     }
 
     /// Whether there is a client.
-    pub fn is_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         self.board.is_watched()
     }
 
     /// Shows the sample.
-    pub fn model(&self, model: &Model) {
+    pub(crate) fn model(&self, model: &Model) {
         self.board.model(&model.points, &model.surface, &model.target_names);
     }
 
     /// Shows the sample at one time.
-    pub fn tissue(&self, snapshot: &Snapshot) {
+    pub(crate) fn tissue(&self, snapshot: &Snapshot) {
         self.board.tissue(snapshot.stamp.nanos(), &snapshot.displacements, &snapshot.targets);
     }
 }

@@ -38,7 +38,7 @@ impl Page {
     ///
     /// # Errors
     /// [`NodeError`] if the port is in use.
-    pub fn open(parameters: &Parameters, shared: &Arc<Shared>, bell: Bell) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn open(parameters: &Parameters, shared: &Arc<Shared>, bell: Bell) -> Result<Option<Self>, NodeError> {
         if !parameters.get(declared::PAGE) {
             return Ok(None);
         }
@@ -64,12 +64,12 @@ impl Page {
     }
 
     /// A viewer's command, if there is one.
-    pub fn asked(&self) -> Option<Asked> {
+    pub(crate) fn asked(&self) -> Option<Asked> {
         self.asked.try_recv().ok()
     }
 
     /// Shows phase, pace, latency, health.
-    pub fn status(&self, message: &TwinStatus, residual_band_n: f64) {
+    pub(crate) fn status(&self, message: &TwinStatus, residual_band_n: f64) {
         let mut status = serde_json::to_value(message).unwrap_or_default();
         status["kind"] = json!("status");
         status["residual_band_n"] = json!(residual_band_n);

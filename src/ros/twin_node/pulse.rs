@@ -13,12 +13,12 @@ pub(super) struct Pulse {
 
 impl Pulse {
     /// For one check per `interval`.
-    pub const fn new(interval: Duration) -> Self {
+    pub(crate) const fn new(interval: Duration) -> Self {
         Self { interval, work: None, looks: 0 }
     }
 
     /// Checks the number of the present work; returns for how long it has been the same.
-    pub fn look(&mut self, work: Option<u64>) -> Duration {
+    pub(crate) fn look(&mut self, work: Option<u64>) -> Duration {
         self.looks = if work.is_some() && work == self.work { self.looks.saturating_add(1) } else { 0 };
         self.work = work;
         self.interval * self.looks

@@ -31,13 +31,13 @@ pub(super) fn instance() -> String {
 impl Rivals {
     /// Subscribes to `status`. Must be called before the recorder is set, since the recorder records `status` as
     /// output of this node.
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
         let status = participant.subscription("status", qos::sensor(10))?;
         Ok(Self { status, own: instance(), heard: BTreeMap::new() })
     }
 
     /// Takes the messages, and logs changes in the set of other twins.
-    pub fn poll(&mut self, shared: &Shared) {
+    pub(crate) fn poll(&mut self, shared: &Shared) {
         let now = Instant::now();
         let before = self.heard.len();
         while let Some(message) = self.status.take() {

@@ -43,7 +43,7 @@ impl From<&Refusal> for Reject {
 }
 
 impl Reject {
-    pub const fn word(self) -> &'static str {
+    pub(crate) const fn word(self) -> &'static str {
         match self {
             Self::NotFinite => "not finite",
             Self::NoSuchJoint => "no such joint",
@@ -70,7 +70,7 @@ pub(super) enum Doubt {
 }
 
 impl Doubt {
-    pub const fn topic(self) -> &'static str {
+    pub(crate) const fn topic(self) -> &'static str {
         match self {
             Self::Two(topic) | Self::Unstamped(topic) | Self::Frozen(topic) => topic,
         }
@@ -90,18 +90,18 @@ impl Default for Latency {
 }
 
 impl Latency {
-    pub fn record(&mut self, elapsed: Duration) {
+    pub(crate) fn record(&mut self, elapsed: Duration) {
         self.0.saturating_record(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX));
     }
 
     /// Quantile in s; 0 if nothing was recorded.
     #[allow(clippy::cast_precision_loss)]
-    pub fn quantile(&self, q: f64) -> f64 {
+    pub(crate) fn quantile(&self, q: f64) -> f64 {
         if self.0.is_empty() { 0.0 } else { self.0.value_at_quantile(q) as f64 * 1e-9 }
     }
 
     #[allow(clippy::cast_precision_loss)]
-    pub fn max(&self) -> f64 {
+    pub(crate) fn max(&self) -> f64 {
         if self.0.is_empty() { 0.0 } else { self.0.max() as f64 * 1e-9 }
     }
 }
@@ -131,7 +131,7 @@ pub(super) struct Compared {
 }
 
 impl Compared {
-    pub fn of(message: &ForceComparison) -> Self {
+    pub(crate) fn of(message: &ForceComparison) -> Self {
         let ForceComparison { depth_m, predicted_n, measured_n, .. } = *message;
         Self { stamp_nanos: message.header.stamp.nanos(), depth_m, predicted_n, measured_n }
     }
@@ -263,7 +263,7 @@ impl Live {
     /// Time without a pose, s, on the node's clock: while simulated time stands still, nothing is late. Without a
     /// publisher of that time (`clock_gone`) the wall clock is used.
     #[allow(clippy::cast_precision_loss)] // a duration for display
-    pub fn silence_s(&self, clock: &NodeClock, clock_gone: bool) -> Option<f64> {
+    pub(crate) fn silence_s(&self, clock: &NodeClock, clock_gone: bool) -> Option<f64> {
         let last = self.last_pose?;
         let simulated = last.node_nanos.zip(clock.now_nanos()).filter(|_| clock.is_simulated() && !clock_gone);
         Some(match simulated {
@@ -272,7 +272,7 @@ impl Live {
         })
     }
 
-    pub fn pose(&mut self, handoff: Handoff, age_s: f64, node_nanos: Option<i64>) {
+    pub(crate) fn pose(&mut self, handoff: Handoff, age_s: f64, node_nanos: Option<i64>) {
         self.received += 1;
         self.window.received += 1;
         self.coalesced += u64::from(handoff.coalesced);
@@ -285,25 +285,25 @@ impl Live {
     }
 
     /// Notes that a measurement is not evidence at present.
-    pub fn doubt(&mut self, doubt: Doubt, words: impl FnOnce() -> String) {
+    pub(crate) fn doubt(&mut self, doubt: Doubt, words: impl FnOnce() -> String) {
         let seen = self.doubts.entry(doubt).or_insert_with(|| (words(), Instant::now()));
         seen.1 = Instant::now();
     }
 
     /// The doubts of the last `timeout_s`, s.
-    pub fn doubts(&self, timeout_s: f64) -> impl Iterator<Item = (Doubt, &str)> {
+    pub(crate) fn doubts(&self, timeout_s: f64) -> impl Iterator<Item = (Doubt, &str)> {
         let fresh = move |seen: &Instant| seen.elapsed().as_secs_f64() < timeout_s;
         self.doubts.iter().filter(move |(_, (_, seen))| fresh(seen)).map(|(doubt, (words, _))| (*doubt, words.as_str()))
     }
 
-    pub fn reject(&mut self, why: Reject) {
+    pub(crate) fn reject(&mut self, why: Reject) {
         self.rejected += 1;
         self.window.rejected += 1;
         *self.rejects.entry(why).or_default() += 1;
     }
 
     #[allow(clippy::cast_precision_loss)] // seconds between two poses
-    pub fn answer(&mut self, answer: &Answer) {
+    pub(crate) fn answer(&mut self, answer: &Answer) {
         self.answered += 1;
         self.steps += u64::from(answer.prediction.steps);
         if let Some(Event::Puncture { depth_m, .. }) = answer.prediction.event {
@@ -325,7 +325,7 @@ impl Live {
     }
 
     /// Adds an event.
-    pub fn note(&mut self, event: Noted) {
+    pub(crate) fn note(&mut self, event: Noted) {
         if self.events.len() == NOTED {
             self.events.pop_front();
         }
@@ -333,7 +333,7 @@ impl Live {
     }
 
     /// Stores the identification's result from a comparison.
-    pub fn identified(&mut self, message: &ForceComparison) {
+    pub(crate) fn identified(&mut self, message: &ForceComparison) {
         let both = message.identified_values.iter().zip(&message.identified_standard_errors);
         self.identified = (message.identification != ForceComparison::IDENTIFICATION_OFF).then(|| Identified {
             state: message.identification,
@@ -343,12 +343,12 @@ impl Live {
     }
 
     /// Notes that a reset was requested: what comes from now on belongs to the run after it.
-    pub fn expect_reset(&mut self) {
+    pub(crate) fn expect_reset(&mut self) {
         self.before_reset = Some([self.received, self.coalesced, self.missed]);
     }
 
     /// Resets everything that belongs to the run; what belongs to the node remains.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         let now = [self.received, self.coalesced, self.missed];
         let before = self.before_reset.unwrap_or(now);
         let [received, coalesced, missed] = [0, 1, 2].map(|k| now[k].saturating_sub(before[k]));
@@ -370,12 +370,12 @@ impl Live {
     }
 
     /// Region of the tip; empty outside of the sample.
-    pub fn region(&self) -> &str {
+    pub(crate) fn region(&self) -> &str {
         self.last.as_ref().map_or("", |a| self.along.name(a.prediction.depth_m, a.prediction.phase))
     }
 
     /// Closes the window after a second.
-    pub fn roll(&mut self, now: Instant) {
+    pub(crate) fn roll(&mut self, now: Instant) {
         self.watched = Some(now);
         let begun = *self.window_begun.get_or_insert(now);
         let seconds = (now - begun).as_secs_f64();
@@ -397,37 +397,37 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    pub fn new(settings: Settings, clock: NodeClock) -> Self {
+    pub(crate) fn new(settings: Settings, clock: NodeClock) -> Self {
         let state = AtomicU8::new(State::Unconfigured as u8);
         Self { live: Mutex::default(), settings: RwLock::new(Arc::new(settings)), clock, state }
     }
 
     /// Sets the state of the managed node.
-    pub fn set_state(&self, state: State) {
+    pub(crate) fn set_state(&self, state: State) {
         self.state.store(state as u8, Ordering::Relaxed);
     }
 
     /// State of the managed node.
-    pub fn state(&self) -> State {
+    pub(crate) fn state(&self) -> State {
         let id = self.state.load(Ordering::Relaxed);
         State::ALL.into_iter().find(|s| *s as u8 == id).unwrap_or(State::Unconfigured)
     }
 
     /// Whether poses are answered.
-    pub fn is_active(&self) -> bool {
+    pub(crate) fn is_active(&self) -> bool {
         self.state.load(Ordering::Relaxed) == State::Active as u8
     }
 
-    pub fn lock(&self) -> MutexGuard<'_, Live> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Live> {
         // A panic elsewhere can't leave counters in an inconsistent state.
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn settings(&self) -> Arc<Settings> {
+    pub(crate) fn settings(&self) -> Arc<Settings> {
         Arc::clone(&self.settings.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    pub fn set_settings(&self, settings: Settings) {
+    pub(crate) fn set_settings(&self, settings: Settings) {
         *self.settings.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(settings);
     }
 }

@@ -46,7 +46,7 @@ pub(super) struct Sighting {
 
 impl Answer {
     /// Force along the instrument, against its motion into the sample, N.
-    pub fn predicted_n(&self) -> f64 {
+    pub(crate) fn predicted_n(&self) -> f64 {
         -(0..3).map(|k| self.prediction.force_n[k] * self.pose.pose.axis[k]).sum::<f64>()
     }
 }

@@ -34,7 +34,7 @@ pub(super) struct Stretch {
 
 impl Stretch {
     /// Adds a pose, and returns the number of poses that do not belong to the stretch.
-    pub fn add(&mut self, publisher: Guid, arrival: Arrival) -> usize {
+    pub(crate) fn add(&mut self, publisher: Guid, arrival: Arrival) -> usize {
         let stamp = |a: &Arrival| a.pose.stamp.nanos();
         let last = self.held.last().map(stamp);
         if last == Some(stamp(&arrival)) && publisher == self.publisher {
@@ -53,7 +53,7 @@ impl Stretch {
     }
 
     /// Whether it is long enough for a restarted time.
-    pub fn is_long(&self) -> bool {
+    pub(crate) fn is_long(&self) -> bool {
         let received = self.held.last().map(|last| last.pose.received);
         let lasted =
             received.zip(self.since).is_some_and(|(last, first)| last.saturating_duration_since(first) >= LONG);
@@ -61,7 +61,7 @@ impl Stretch {
     }
 
     /// Ends it and returns its poses.
-    pub fn end(&mut self) -> Vec<Arrival> {
+    pub(crate) fn end(&mut self) -> Vec<Arrival> {
         self.since = None;
         std::mem::take(&mut self.held)
     }

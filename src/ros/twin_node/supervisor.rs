@@ -11,9 +11,9 @@ use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
+use named_threads::spawn;
 use ros2_guarded::Bell;
 use ros2_guarded::signals::Signals;
-use ros2_guarded::threads::spawn;
 use ros2_node::start::{NodeError, SUCCESS};
 
 /// Longest interval between two checks.
@@ -41,7 +41,7 @@ impl Supervisor {
     ///
     /// # Errors
     /// [`NodeError`] if the model can't be built, or a thread has ended or hangs.
-    pub fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
+    pub(crate) fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
         let outcome = self.supervise(signals, threads);
         if let Err(error) = &outcome {
             // The last status and the last `safe_to_go_on` contain it.

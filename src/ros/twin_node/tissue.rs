@@ -51,7 +51,7 @@ pub(super) struct Model {
 }
 
 impl Model {
-    pub fn of(twin: &Twin, build: Duration) -> Self {
+    pub(crate) fn of(twin: &Twin, build: Duration) -> Self {
         let scene = twin.scene();
         let points = twin.reference_points().to_vec();
         Self {
@@ -75,7 +75,7 @@ impl Model {
         }
     }
 
-    pub fn message(&self, stamp: Time, frame_id: &str) -> TissueModel {
+    pub(crate) fn message(&self, stamp: Time, frame_id: &str) -> TissueModel {
         TissueModel {
             header: Header { stamp, frame_id: frame_id.to_owned() },
             model_id: self.id,
@@ -147,7 +147,7 @@ impl Wants {
 
 impl Snapshot {
     /// Copies the present state. Runs in the solver thread.
-    pub fn take(&mut self, twin: &Twin, stamp: Time, depth_m: f64) {
+    pub(crate) fn take(&mut self, twin: &Twin, stamp: Time, depth_m: f64) {
         self.stamp = stamp;
         self.depth_m = depth_m;
         if self.wants.displacements {
@@ -178,7 +178,7 @@ pub(super) struct TissueOutputs {
 }
 
 impl TissueOutputs {
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
         // Best effort for large messages: for a suspended reliable reader RustDDS would keep every sample.
         Ok(Self {
             state: participant.publisher("tissue_state", qos::sensor(5))?,
@@ -189,7 +189,7 @@ impl TissueOutputs {
         })
     }
 
-    pub fn failed(&self) -> u64 {
+    pub(crate) fn failed(&self) -> u64 {
         self.state.failed() + self.points.failed() + self.surface.failed() + self.targets.failed()
     }
 

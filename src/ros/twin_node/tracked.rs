@@ -22,7 +22,7 @@ pub(super) struct Seen {
 
 impl Seen {
     /// The points in a message; the error states why it can't be used.
-    pub fn of(message: &PoseArray, stamp_nanos: i64, frame_id: &str) -> Result<Self, String> {
+    pub(crate) fn of(message: &PoseArray, stamp_nanos: i64, frame_id: &str) -> Result<Self, String> {
         let frame = &message.header.frame_id;
         if !frame.is_empty() && frame != frame_id {
             return Err(format!("it is in frame `{frame}`: publish it in `{frame_id}`"));
@@ -45,7 +45,7 @@ pub(super) struct Tracks {
 
 impl Tracks {
     /// Queues the points seen since the last pose.
-    pub fn seen(&mut self, points: VecDeque<Seen>) {
+    pub(crate) fn seen(&mut self, points: VecDeque<Seen>) {
         self.wanted |= !points.is_empty();
         self.waiting.extend(points);
         let surplus = self.waiting.len().saturating_sub(WAITING);
@@ -54,7 +54,7 @@ impl Tracks {
 
     /// Stores the members' answer to a pose; `counts`: false while the tissue oscillates after separating from the
     /// instrument.
-    pub fn answered(&mut self, stamp_nanos: i64, counts: bool, live: &Live) {
+    pub(crate) fn answered(&mut self, stamp_nanos: i64, counts: bool, live: &Live) {
         if self.wanted {
             if self.told.len() == KEPT {
                 self.told.pop_front();
@@ -66,7 +66,7 @@ impl Tracks {
     /// Assimilates the points between two of the members' answers. Returns the numbers of points of a message and of
     /// a member, if these differ.
     #[allow(clippy::cast_precision_loss)] // a fraction of the time between two poses
-    pub fn learn(&mut self, live: &mut Live) -> Option<[usize; 2]> {
+    pub(crate) fn learn(&mut self, live: &mut Live) -> Option<[usize; 2]> {
         let mut other = None;
         while let Some(seen) = self.waiting.front() {
             let next = self.told.partition_point(|(stamp, ..)| *stamp < seen.stamp_nanos);
@@ -86,7 +86,7 @@ impl Tracks {
     }
 
     /// The members were reset.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.told.clear();
         self.waiting.clear();
     }

@@ -45,7 +45,7 @@ pub(super) struct UnderWay {
 impl UnderWay {
     /// The motion to a pose, if it takes long. `from_m`: depth at its start, m; `stride_s`: recent wall time of a
     /// stride, s.
-    pub fn to(twin: &Twin, goal: Goal, from_m: f64, stride_s: f64) -> Option<Self> {
+    pub(crate) fn to(twin: &Twin, goal: Goal, from_m: f64, stride_s: f64) -> Option<Self> {
         let length = twin.way_to(&goal.stamped).ok().filter(|l| f64::from(l.strides) * stride_s > AT_ONCE_S)?;
         // a motion that no instrument makes is refused as usual
         twin.can_follow(&goal.stamped).then_some(Self {
@@ -62,12 +62,12 @@ impl UnderWay {
     }
 
     /// The present goal.
-    pub fn goal(&self) -> Goal {
+    pub(crate) fn goal(&self) -> Goal {
         self.farthest
     }
 
     /// The newest pose.
-    pub fn newest(&self) -> Goal {
+    pub(crate) fn newest(&self) -> Goal {
         self.newest
     }
 
@@ -75,7 +75,7 @@ impl UnderWay {
     ///
     /// # Errors
     /// Why it is not a valid goal.
-    pub fn head_for(&mut self, twin: &Twin, goal: Goal) -> Result<(), String> {
+    pub(crate) fn head_for(&mut self, twin: &Twin, goal: Goal) -> Result<(), String> {
         if let Err(Halt::Pose { reason }) = twin.way_to(&goal.stamped) {
             return Err(reason);
         }
@@ -94,7 +94,7 @@ impl UnderWay {
 
     /// Moves the twin by one part.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
-    pub fn go_on(&mut self, twin: &mut Twin) -> Result<Part, Halt> {
+    pub(crate) fn go_on(&mut self, twin: &mut Twin) -> Result<Part, Halt> {
         let begun = Instant::now();
         let part = (PART_S / self.stride_s).clamp(1.0, MOST) as u32;
         self.stride_m = twin.way_to(&self.goal().stamped)?.stride_m.max(self.stride_m);
@@ -107,12 +107,12 @@ impl UnderWay {
     }
 
     /// Recent wall time of a stride, s.
-    pub fn stride_s(&self) -> f64 {
+    pub(crate) fn stride_s(&self) -> f64 {
         self.stride_s
     }
 
     /// The progress, with the number of poses since the last call.
-    pub fn progress(&mut self, twin: &Twin) -> Progress {
+    pub(crate) fn progress(&mut self, twin: &Twin) -> Progress {
         let whole = f64::from(self.made.saturating_add(self.left).max(1));
         Progress {
             to_m: twin.depth_of(&self.farthest.stamped.pose),

@@ -17,19 +17,19 @@ pub(super) struct Viewers {
 
 impl Viewers {
     /// Whether there is a viewer.
-    pub fn watch(&self) -> bool {
+    pub(crate) fn watch(&self) -> bool {
         self.page.as_ref().is_some_and(|board| board.is_watched())
             || self.link.as_ref().is_some_and(|link| link.is_watched())
     }
 
     /// Shows an undeformed sample.
-    pub fn model(&self, model: &Model) {
+    pub(crate) fn model(&self, model: &Model) {
         self.page.iter().for_each(|board| page::model(board, model));
         self.link.iter().for_each(|link| link.model(model));
     }
 
     /// Shows the sample at one time.
-    pub fn tissue(&self, snapshot: &Snapshot) {
+    pub(crate) fn tissue(&self, snapshot: &Snapshot) {
         self.page.iter().filter(|board| board.is_watched()).for_each(|board| page::tissue(board, snapshot));
         self.link.iter().filter(|link| link.is_watched()).for_each(|link| link.tissue(snapshot));
     }

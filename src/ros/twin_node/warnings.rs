@@ -33,7 +33,7 @@ pub(super) struct Samples(Vec<Sample>);
 
 impl Samples {
     /// Takes a comparison.
-    pub fn take(&mut self, message: &ForceComparison) {
+    pub(crate) fn take(&mut self, message: &ForceComparison) {
         if !message.valid {
             return;
         }
@@ -73,12 +73,12 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { due: Instant::now() + LOOK, seen: false, said: Vec::new(), newest_s: None }
     }
 
     /// Whether a check is due: the interval has passed, and there are new samples.
-    pub fn is_due(&mut self, samples: &Samples) -> bool {
+    pub(crate) fn is_due(&mut self, samples: &Samples) -> bool {
         let due = Instant::now() >= self.due && samples.newest_s() != self.newest_s;
         if due {
             self.due = Instant::now() + LOOK;
@@ -89,7 +89,7 @@ impl Watch {
 
     /// Findings in the samples, and the verdict on them; new findings are logged. With `identified`, deviations of
     /// the scene are expected.
-    pub fn look(&mut self, samples: &Samples, identified: bool) -> (Vec<String>, Verdict) {
+    pub(crate) fn look(&mut self, samples: &Samples, identified: bool) -> (Vec<String>, Verdict) {
         let rows = samples.rows();
         let verdict = judge(&rows, 1, FORCE_ERROR);
         let seen = self.warnings(&rows, if identified { Explains::Yes } else { verdict.explains }, &verdict);

@@ -16,22 +16,22 @@ impl Link {
     ///
     /// # Errors
     /// [`NodeError::Usage`] if the parameters enable it.
-    pub fn open(parameters: &Parameters, _: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn open(parameters: &Parameters, _: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
         if parameters.get(declared::OPENIGTLINK) {
             return Err(NodeError::Usage("openigtlink: this program was built without the feature slicer".to_owned()));
         }
         Ok(None)
     }
 
-    pub fn is_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         match *self {}
     }
 
-    pub fn model(&self, _: &Model) {
+    pub(crate) fn model(&self, _: &Model) {
         match *self {}
     }
 
-    pub fn tissue(&self, _: &Snapshot) {
+    pub(crate) fn tissue(&self, _: &Snapshot) {
         match *self {}
     }
 }

@@ -35,13 +35,13 @@ pub(super) enum Command {
 }
 
 impl Board {
-    pub fn is_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         match *self {}
     }
 }
 
 impl Asked {
-    pub fn answer(&self, _: bool, _: String) {}
+    pub(crate) fn answer(&self, _: bool, _: String) {}
 }
 
 impl Page {
@@ -49,18 +49,18 @@ impl Page {
     ///
     /// # Errors
     /// [`NodeError::Usage`] if the parameters enable it.
-    pub fn open(parameters: &Parameters, _: &Arc<Shared>, _: Bell) -> Result<Option<Self>, NodeError> {
+    pub(crate) fn open(parameters: &Parameters, _: &Arc<Shared>, _: Bell) -> Result<Option<Self>, NodeError> {
         if parameters.get(declared::PAGE) {
             return Err(NodeError::Usage("page: this program was built without the feature page".to_owned()));
         }
         Ok(None)
     }
 
-    pub fn asked(&self) -> Option<Asked> {
+    pub(crate) fn asked(&self) -> Option<Asked> {
         None
     }
 
-    pub fn status(&self, _: &TwinStatus, _: f64) {}
+    pub(crate) fn status(&self, _: &TwinStatus, _: f64) {}
 }
 
 pub(super) fn model(board: &Board, _: &Model) {

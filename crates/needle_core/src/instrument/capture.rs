@@ -52,18 +52,18 @@ pub(super) struct Capture {
 
 impl Capture {
     /// How far the node is held along the needle: a ramp from 0 to 1.
-    pub fn share(&self, depth: f64, window: f64) -> f64 {
+    pub(crate) fn share(&self, depth: f64, window: f64) -> f64 {
         let way = depth - self.since;
         if way >= window { 1.0 } else { (way / window).clamp(0.0, 1.0) }
     }
 
     /// Whether the needle comes back the way that it came.
-    pub fn is_on(&self, axis: [f64; 2]) -> bool {
+    pub(crate) fn is_on(&self, axis: [f64; 2]) -> bool {
         (axis[0] - self.axis[0]).hypot(axis[1] - self.axis[1]) < SAME_M
     }
 
     /// k, for a shear modulus in Pa and a distance between layers in m; for s below 1.
-    pub fn spring(&self, shear_modulus: f64, layer: f64) -> f64 {
+    pub(crate) fn spring(&self, shear_modulus: f64, layer: f64) -> f64 {
         2.0 * shear_modulus * layer * self.passed / (1.0 - self.passed)
     }
 }

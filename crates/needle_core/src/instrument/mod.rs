@@ -10,11 +10,14 @@ mod puncture;
 pub mod reading;
 pub mod surface;
 
-pub use frictional::{Frictional, Resistance, Shaft, start_and_slow};
-pub use needle::{Insertion, NeedlePath};
+pub use frictional::Resistance;
+pub use frictional::Shaft;
+pub(crate) use frictional::{Frictional, start_and_slow};
+pub use needle::Insertion;
+pub use needle::NeedlePath;
 pub use own::{Instrument, Own};
 pub use phase::{Event, Phase};
-pub use press::Press;
+pub(crate) use press::Press;
 
 use crate::scene::{self, InstrumentKind};
 use mtled::cloud::{Axis, BASE, TOP};
@@ -22,7 +25,7 @@ use mtled::solver::Solver;
 
 /// An instrument in contact with a solver's nodes.
 #[derive(Clone, Debug)]
-pub enum Contact {
+pub(crate) enum Contact {
     /// Plate or indenter.
     Press(Press),
     /// Kinematic needle.
@@ -47,7 +50,7 @@ pub struct Tip {
 impl Tip {
     /// Lateral place of the instrument's axis at a reference depth below the top, relative to the entry point, m.
     #[must_use]
-    pub fn axis_at(&self, z: f64) -> [f64; 2] {
+    pub(crate) fn axis_at(&self, z: f64) -> [f64; 2] {
         let rise = -self.offset[2] - z;
         std::array::from_fn(|k| self.offset[k] + self.slope[k] * rise)
     }
@@ -56,7 +59,7 @@ impl Tip {
 impl Contact {
     /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path; never those of the base.
     #[must_use]
-    pub fn nodes(points: &[[f64; 3]], faces: &[u8], top: f64, instrument: &scene::Instrument) -> Vec<u32> {
+    pub(crate) fn nodes(points: &[[f64; 3]], faces: &[u8], top: f64, instrument: &scene::Instrument) -> Vec<u32> {
         let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
@@ -72,7 +75,7 @@ impl Contact {
     }
 
     /// Prescribes the nodes for a tip and returns the phase and what happened.
-    pub fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+    pub(crate) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         match self {
             Self::Press(p) => (p.impose(tip, solver), None),
             Self::Needle(n) => n.impose(tip, solver),
@@ -82,7 +85,7 @@ impl Contact {
     }
 
     /// Takes over the state of another instrument of the same model.
-    pub fn take_over(&mut self, other: &Self) {
+    pub(crate) fn take_over(&mut self, other: &Self) {
         match (self, other) {
             (Self::Needle(own), Self::Needle(other)) => own.take_over(other),
             (Self::Frictional(own), Self::Frictional(other)) => own.take_over(other),
@@ -93,7 +96,7 @@ impl Contact {
 
     /// Goes back to an earlier state of the same contact, and the solver's roles with it. The solver's own state is to have gone
     /// back already.
-    pub fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
+    pub(crate) fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
         match (self, earlier) {
             (Self::Needle(own), Self::Needle(earlier)) => own.return_to(earlier, solver),
             (Self::Frictional(own), Self::Frictional(earlier)) => own.return_to(earlier, solver),
@@ -103,7 +106,7 @@ impl Contact {
     }
 
     /// Back to before the first contact.
-    pub fn reset(&mut self, solver: &mut Solver) {
+    pub(crate) fn reset(&mut self, solver: &mut Solver) {
         match self {
             Self::Press(p) => p.reset(solver),
             Self::Needle(n) => n.reset(solver),

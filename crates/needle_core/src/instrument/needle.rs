@@ -133,7 +133,7 @@ impl NeedlePath {
     /// A path of a length in m through some of `count` nodes, each with its reference depth in m. `watched` are the integration points
     /// whose strain decides about the puncture, `cells` the cell corners and the volume in m³ of every integration point.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         mut nodes: Vec<(u32, f64)>,
         count: usize,
         needle: Needle,
@@ -192,25 +192,25 @@ impl NeedlePath {
 
     /// The path of another needle, which differs from this one in its coefficients alone.
     #[must_use]
-    pub fn with(self, needle: Needle) -> Self {
+    pub(crate) fn with(self, needle: Needle) -> Self {
         Self { needle, ..self }
     }
 
     /// Whether it is one of a half plane.
     #[must_use]
-    pub const fn is_revolved(&self) -> bool {
+    pub(crate) const fn is_revolved(&self) -> bool {
         self.revolved
     }
 
     /// Vertical distance between the layers of nodes, m.
     #[must_use]
-    pub const fn layer(&self) -> f64 {
+    pub(crate) const fn layer(&self) -> f64 {
         self.layer
     }
 
     /// The same path in a half plane: its nodes are rings, which never move sideways.
     #[must_use]
-    pub fn revolved(self) -> Self {
+    pub(crate) fn revolved(self) -> Self {
         let window = vec![window(&self.needle, self.layer, LEAST_WINDOW_IN_HALF_PLANE); self.nodes.len()];
         Self { revolved: true, window, ..self }
     }
@@ -218,7 +218,7 @@ impl NeedlePath {
     /// The same path where the distance between its layers grows with depth: each node's window is as long as the distance from its layer
     /// to the one above asks for, unless the needle says how long it is.
     #[must_use]
-    pub fn graded(self) -> Self {
+    pub(crate) fn graded(self) -> Self {
         let mut depths: Vec<f64> = self.nodes.iter().map(|(_, z)| *z).collect();
         depths.dedup_by(|a, b| (*a - *b).abs() < SAME_LAYER);
         let above = |z: f64| {
@@ -233,7 +233,7 @@ impl NeedlePath {
 
     /// The same path in the half of a body beside a plane of symmetry, of whose nodes these are the places in m.
     #[must_use]
-    pub fn mirrored(mut self, mirror: Mirror, points: &[[f64; 3]]) -> Self {
+    pub(crate) fn mirrored(mut self, mirror: Mirror, points: &[[f64; 3]]) -> Self {
         let on_plane = mirror.holds(points);
         self.share = self.nodes.iter().map(|(n, _)| if on_plane[*n as usize] { 0.5 } else { 1.0 }).collect();
         self.mirror = Some(mirror);
@@ -244,7 +244,7 @@ impl NeedlePath {
 
     /// The same path in tissue of a shear modulus in Pa at a depth in m, which sets how the hold grows between two layers of nodes.
     #[must_use]
-    pub fn in_tissue(self, shear_modulus: impl Fn(f64) -> f64) -> Self {
+    pub(crate) fn in_tissue(self, shear_modulus: impl Fn(f64) -> f64) -> Self {
         Self { shear_modulus: self.nodes.iter().map(|(_, z)| shear_modulus(*z)).collect(), ..self }
     }
 
@@ -257,7 +257,7 @@ impl NeedlePath {
 
     /// Present state of the insertion.
     #[must_use]
-    pub fn insertion(&self) -> Insertion {
+    pub(crate) fn insertion(&self) -> Insertion {
         self.progress.state
     }
 

@@ -8,7 +8,7 @@ use mtled::solver::Solver;
 
 /// Turns poses into constraints.
 ///
-/// [`super::Press`] is the shortest one that ships; `examples/own_instrument.rs` has another. An instrument is copied with the twin's state when the twin
+/// `Press` is the shortest one that ships; `examples/own_instrument.rs` has another. An instrument is copied with the twin's state when the twin
 /// looks ahead or goes back to its last good state, so what it remembers from pose to pose lies in itself.
 pub trait Instrument: Clone + Debug + Send + Sync + 'static {
     /// Says of each of its nodes what the solver is to do with it while the tip is here: [`Solver::prescribe`] a displacement, m, or
@@ -25,7 +25,7 @@ pub struct Own(Box<dyn Dynamic>);
 
 impl Own {
     /// Of a user's type.
-    pub fn new(instrument: impl Instrument) -> Self {
+    pub(crate) fn new(instrument: impl Instrument) -> Self {
         Self(Box::new(instrument))
     }
 

@@ -11,20 +11,20 @@ use super::Tip;
 
 /// What a plate or indenter holds.
 #[derive(Clone, Debug)]
-pub struct Press {
+pub(crate) struct Press {
     bonded: Vec<u32>,
 }
 
 impl Press {
     /// An instrument to which these nodes stick.
     #[must_use]
-    pub fn new(bonded: Vec<u32>) -> Self {
+    pub(crate) fn new(bonded: Vec<u32>) -> Self {
         Self { bonded }
     }
 
     /// Nodes that stick to it; none where it meets its surface in contact.
     #[must_use]
-    pub fn bonded(&self) -> &[u32] {
+    pub(crate) fn bonded(&self) -> &[u32] {
         &self.bonded
     }
 }

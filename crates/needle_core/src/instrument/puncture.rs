@@ -6,7 +6,7 @@ const WITHDRAWN_M: f64 = 2e-5;
 
 /// Strain of the surface over the depth, as far as it has been pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Strained {
+pub(crate) struct Strained {
     /// (depth in m, strain): the last three poses, the latest first; the undeformed surface before them.
     last: [(f64, f64); 3],
     /// Depth of the pose whose strain is not known yet, m.
@@ -15,12 +15,12 @@ pub struct Strained {
 
 impl Strained {
     /// The surface is pressed to a depth, m; the strain is seen at the next pose.
-    pub fn pressed(&mut self, depth: f64) {
+    pub(crate) fn pressed(&mut self, depth: f64) {
         self.pressed = Some(depth);
     }
 
     /// The strain that the last depth has brought.
-    pub fn reached(&mut self, strain: f64) {
+    pub(crate) fn reached(&mut self, strain: f64) {
         let Some(depth) = self.pressed.take() else { return };
         if depth > self.last[0].0 {
             self.last = [(depth, strain), self.last[0], self.last[1]];
@@ -31,7 +31,7 @@ impl Strained {
 
     /// Depth at which the strain passed a limit, m: the parabola depth over strain through the last three poses, within the last interval;
     /// a straight line where there are only two.
-    pub fn passed(&self, limit: f64) -> f64 {
+    pub(crate) fn passed(&self, limit: f64) -> f64 {
         let [(d2, e2), (d1, e1), (d0, e0)] = self.last;
         let line = if e2 > e1 { d1 + (limit - e1) / (e2 - e1) * (d2 - d1) } else { d2 };
         let (a, b, c) = (limit - e0, limit - e1, limit - e2);
@@ -44,12 +44,12 @@ impl Strained {
 }
 
 /// Whether a needle is being withdrawn, `missing` metres from its deepest point.
-pub fn is_withdrawn(before: bool, missing: f64) -> bool {
+pub(crate) fn is_withdrawn(before: bool, missing: f64) -> bool {
     missing > if before { 0.5 * WITHDRAWN_M } else { WITHDRAWN_M }
 }
 
 /// Largest eigenvalue of E = (F^T F - I)/2, F row-major.
-pub fn largest_strain(f: &[f64; 9]) -> f64 {
+pub(crate) fn largest_strain(f: &[f64; 9]) -> f64 {
     let f = nalgebra::Matrix3::from_row_slice(f);
     let e = 0.5 * (f.transpose() * f - nalgebra::Matrix3::identity());
     e.symmetric_eigenvalues().max()

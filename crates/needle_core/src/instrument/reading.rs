@@ -65,7 +65,7 @@ impl MeasuredAxes {
 
 /// Why an offset in m from the entry point at a time in s can't be that of a tip, if it can't.
 #[must_use]
-pub fn not_a_place(offset_m: &[f64; 3], time_s: f64) -> Option<String> {
+pub(crate) fn not_a_place(offset_m: &[f64; 3], time_s: f64) -> Option<String> {
     if !TIME_S.contains(time_s) {
         return Some(format!("its time is {time_s:e} s; a stamp is in {TIME_S} s"));
     }

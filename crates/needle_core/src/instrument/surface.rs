@@ -7,7 +7,7 @@ use mtled::solver::{Shape, Surface};
 /// The surface of the scene's instrument, whose tip touches the body at z = `top` at depth zero; `None` where nothing but a bond
 /// holds the tissue. `edge`: distance between nodes at the edge of an indenter's face, m.
 #[must_use]
-pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
+pub(crate) fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
     let instrument = scene.instrument.as_ref()?;
     let shape = match instrument.kind {
         InstrumentKind::Plate if instrument.contact == ContactLaw::Bonded => return None,
@@ -39,7 +39,7 @@ pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
 
 /// The table under a sample whose base is not bonded, at z = `bottom`.
 #[must_use]
-pub fn of_base(scene: &Scene, bottom: f64) -> Option<Surface> {
+pub(crate) fn of_base(scene: &Scene, bottom: f64) -> Option<Surface> {
     let friction = match scene.sample.base {
         Base::Bonded => return None,
         Base::Frictionless => 0.0,
@@ -50,7 +50,7 @@ pub fn of_base(scene: &Scene, bottom: f64) -> Option<Surface> {
 
 /// Faces of the body whose nodes may meet a surface. What touches a plate or a table may roll onto it with its side.
 #[must_use]
-pub fn touchable(scene: &Scene) -> u8 {
+pub(crate) fn touchable(scene: &Scene) -> u8 {
     let instrument = of_instrument(scene, 0.0, 0.0).map_or(0, |surface| match surface.shape {
         Shape::Plate | Shape::Table => TOP | SIDE,
         Shape::Punch { .. } | Shape::Shaft { .. } | Shape::Ball { .. } => TOP,
@@ -88,7 +88,7 @@ const LARGEST_EDGE: f64 = 0.05;
 
 /// Radius of an indenter's edge, m: as many times the distance to the nearest node of the top face beyond it, m; 0 without one.
 #[must_use]
-pub fn edge(instrument: &Instrument, points: &[[f64; 3]], faces: &[u8]) -> f64 {
+pub(crate) fn edge(instrument: &Instrument, points: &[[f64; 3]], faces: &[u8]) -> f64 {
     let InstrumentKind::Indenter { diameter, .. } = instrument.kind else { return 0.0 };
     let ([x, y], radius) = (instrument.entry.map(|m| m.get()), 0.5 * diameter.get());
     let beyond = |p: &[f64; 3]| (p[0] - x).hypot(p[1] - y) - radius;

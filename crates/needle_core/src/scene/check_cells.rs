@@ -40,7 +40,7 @@ impl Scene {
     /// Whether the sample is a grid of hexahedra, its outermost ones among them: a whole cylinder or box in one material, with nothing that
     /// the lines of a grid can't follow. Other bodies have hexahedra inside and tetrahedra about them.
     #[must_use]
-    pub fn is_grid(&self) -> bool {
+    pub(crate) fn is_grid(&self) -> bool {
         let round = match self.sample.shape {
             Shape::Cylinder { .. } => true,
             Shape::Box { .. } => false,

@@ -62,7 +62,7 @@ impl Correction {
 
     /// Why a sample is not of the mesh file that the correction was learnt with, if it is not.
     #[must_use]
-    pub fn of_another_mesh(&self, sample: &Sample) -> Option<String> {
+    pub(crate) fn of_another_mesh(&self, sample: &Sample) -> Option<String> {
         let reason = || {
             format!(
                 "it was learnt with another content of {}: {REMEDY}",

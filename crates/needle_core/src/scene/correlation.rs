@@ -81,12 +81,6 @@ impl Dependence {
         Ok(Self { factor: Some(factor.l()) })
     }
 
-    /// Whether the keys are independent.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        self.factor.is_none()
-    }
-
     /// Shares of probability of the keys from independent ones, all above 0 and below 1.
     #[must_use]
     pub fn shares(&self, independent: Vec<f64>) -> Vec<f64> {

@@ -57,7 +57,7 @@ impl Scene {
 
     /// The same in another dimension.
     #[must_use]
-    pub fn grading_in(&self, dimension: Dimension) -> Option<Grading> {
+    pub(crate) fn grading_in(&self, dimension: Dimension) -> Option<Grading> {
         let AskedGrading { spacing, edge_refinement, growth, path_rings } = self.discretisation.grading?;
         let [share, steepest] = match self.instrument.as_ref().map(|i| (&i.kind, i.is_frictional())) {
             None => NONE,
@@ -76,7 +76,7 @@ impl Scene {
 
     /// Spacing in a half plane over that in space: where there are several regions it is finer, and costs next to nothing.
     #[must_use]
-    pub fn plane_refinement(&self) -> f64 {
+    pub(crate) fn plane_refinement(&self) -> f64 {
         match self.instrument.as_ref().map(|i| (&i.kind, i.is_frictional())) {
             _ if self.regions.is_empty() => 1.0,
             Some((InstrumentKind::Needle(_), false)) => NEEDLE_PLANE_REFINEMENT,

@@ -205,7 +205,7 @@ impl Section for Instrument {
 impl Needle {
     /// Lateral way (x, y) per metre of depth: tan(tilt) in direction azimuth.
     #[must_use]
-    pub fn slope(&self) -> [f64; 2] {
+    pub(crate) fn slope(&self) -> [f64; 2] {
         let (sin, cos) = self.azimuth.get().sin_cos();
         let tan = self.tilt.get().tan();
         [tan * cos, tan * sin]

@@ -42,12 +42,12 @@ pub struct Key {
     pub reason: &'static str,
     /// Whether it can change while the twin runs.
     pub live: bool,
-    /// Whether [`AUTO`] is taken as well: the program chooses.
+    /// Whether `AUTO` is taken as well: the program chooses.
     pub auto: bool,
 }
 
 /// What a file says to leave a number to the program.
-pub const AUTO: &str = "auto";
+pub(crate) const AUTO: &str = "auto";
 
 impl Key {
     const fn new(path: &'static str, kind: Kind, unit: &'static str) -> Self {
@@ -163,7 +163,7 @@ impl Key {
     ///
     /// # Errors
     /// [`SceneError::WrongType`], [`SceneError::OutOfRange`] or [`SceneError::UnknownWord`].
-    pub fn check(&self, value: &Value, path: &str, place: &str) -> Result<Value, SceneError> {
+    pub(crate) fn check(&self, value: &Value, path: &str, place: &str) -> Result<Value, SceneError> {
         let (fits, value) = match (self.kind, value) {
             (Kind::Text, Value::Text(_)) | (Kind::Boolean, Value::Boolean(_)) => (true, value.clone()),
             (Kind::Word(words), Value::Text(word)) => {
@@ -223,7 +223,7 @@ impl Key {
     /// Reads a value from the text after `--set key=`, by the key's own type: text and words need no quotes.
     ///
     /// # Errors
-    /// As [`Key::check`].
+    /// [`SceneError`]: no value of this key.
     pub fn parse(&self, text: &str, place: &str) -> Result<Value, SceneError> {
         self.parse_at(text, self.path, place)
     }

@@ -67,7 +67,7 @@ pub fn nearest(path: &str) -> Option<&'static Key> {
 
 /// The word of a list that is most like an unknown one, unless none is like it at all.
 #[must_use]
-pub fn nearest_word<'a>(word: &str, words: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest_word<'a>(word: &str, words: &[&'a str]) -> Option<&'a str> {
     words
         .iter()
         .map(|known| (strsim::jaro_winkler(word, known), *known))

@@ -135,7 +135,7 @@ impl Material {
 
     /// The law with all its constants.
     #[must_use]
-    pub fn law(&self) -> Law {
+    pub(crate) fn law(&self) -> Law {
         Law {
             distortional: self.distortional(),
             volumetric: self.volumetric,

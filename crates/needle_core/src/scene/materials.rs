@@ -40,7 +40,7 @@ section! {
 impl Scene {
     /// Whether a needle with friction has a membrane to pierce anywhere.
     #[must_use]
-    pub fn has_membrane(&self) -> bool {
+    pub(crate) fn has_membrane(&self) -> bool {
         let named = |name: &str| self.materials.iter().find(|m| m.name == name);
         let of_region = |r: &Region| named(&r.material).is_some_and(|m| m.pierced.puncture_force > 0.0);
         match self.instrument.map(|i| i.interaction) {

@@ -13,7 +13,7 @@ const STEPS: u32 = 4000;
 impl RegionShape {
     /// The shape of a region in a sample whose top is at this height, m; `None` for a group of a mesh.
     #[must_use]
-    pub fn solid(&self, top: f64) -> Option<Solid> {
+    pub(crate) fn solid(&self, top: f64) -> Option<Solid> {
         match *self {
             Self::Layer { from_depth, to_depth } => {
                 Some(Solid::Layer { bottom: top - to_depth.get(), top: top - from_depth.get() })

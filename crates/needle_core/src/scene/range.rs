@@ -18,25 +18,25 @@ pub struct Range {
 impl Range {
     /// `(low, high)`
     #[must_use]
-    pub const fn open(low: f64, high: f64) -> Self {
+    pub(crate) const fn open(low: f64, high: f64) -> Self {
         Self { low, low_allowed: false, high, high_allowed: false }
     }
 
     /// `[low, high]`
     #[must_use]
-    pub const fn closed(low: f64, high: f64) -> Self {
+    pub(crate) const fn closed(low: f64, high: f64) -> Self {
         Self { low, low_allowed: true, high, high_allowed: true }
     }
 
     /// `[low, high)`
     #[must_use]
-    pub const fn below(low: f64, high: f64) -> Self {
+    pub(crate) const fn below(low: f64, high: f64) -> Self {
         Self { low, low_allowed: true, high, high_allowed: false }
     }
 
     /// `(low, high]`
     #[must_use]
-    pub const fn above(low: f64, high: f64) -> Self {
+    pub(crate) const fn above(low: f64, high: f64) -> Self {
         Self { low, low_allowed: false, high, high_allowed: true }
     }
 

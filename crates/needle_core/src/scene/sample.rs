@@ -86,7 +86,7 @@ section! {
 impl Shape {
     /// The mesh that gives the shape, if one does.
     #[must_use]
-    pub const fn mesh(&self) -> Option<&MeshFile> {
+    pub(crate) const fn mesh(&self) -> Option<&MeshFile> {
         match self {
             Self::Mesh(mesh) | Self::Outline(mesh) => Some(mesh),
             Self::Cylinder { .. } | Self::Box { .. } => None,

@@ -7,7 +7,7 @@ use mtled::solver::Precision;
 use super::{Dimension, Grading, InstrumentKind, Metres, Scene, Shape};
 
 /// Most memory that a scene may ask for, bytes.
-pub const MEMORY_LIMIT: f64 = 8e9;
+pub(crate) const MEMORY_LIMIT: f64 = 8e9;
 
 /// Nodes per cube of the spacing: the packing is denser than a cubic lattice.
 const PACKING: f64 = 1.3;
@@ -100,7 +100,7 @@ impl Scene {
 
     /// Smallest spacing of a grading that stays within [`MEMORY_LIMIT`].
     #[must_use]
-    pub fn least_spacing(&self, grading: &Grading) -> Metres {
+    pub(crate) fn least_spacing(&self, grading: &Grading) -> Metres {
         let (mut low, mut high) = (0.0, self.height());
         for _ in 0..60 {
             let middle = 0.5 * (low + high);

@@ -43,7 +43,7 @@ impl Scene {
     ///
     /// # Errors
     /// Why there is none, in one clause.
-    pub fn plane_of_symmetry(&self) -> Result<Mirror, String> {
+    pub(crate) fn plane_of_symmetry(&self) -> Result<Mirror, String> {
         if self.sample.shape.mesh().is_some() {
             return Err("a mesh has no plane of symmetry that is known".to_owned());
         }
@@ -99,7 +99,7 @@ impl Scene {
 
     /// The plane of symmetry of a scene that is modelled by a half.
     #[must_use]
-    pub fn mirror(&self) -> Option<Mirror> {
+    pub(crate) fn mirror(&self) -> Option<Mirror> {
         (self.dimension().dimension == Dimension::Mirrored).then(|| self.plane_of_symmetry().ok()).flatten()
     }
 

@@ -39,7 +39,7 @@ pub enum Prior {
 
 impl Prior {
     /// Words of the distributions, as a file has them.
-    pub const WORDS: [&'static str; 3] = ["normal", "lognormal", "uniform"];
+    pub(crate) const WORDS: [&'static str; 3] = ["normal", "lognormal", "uniform"];
 
     /// The distribution of a word and two numbers; what is wrong with them, if anything.
     fn new(word: &str, numbers: &[f64]) -> Result<Self, String> {
@@ -72,7 +72,7 @@ impl Prior {
 
     /// Its two numbers, as a file has them.
     #[must_use]
-    pub const fn numbers(&self) -> [f64; 2] {
+    pub(crate) const fn numbers(&self) -> [f64; 2] {
         match *self {
             Self::Normal(a, b) | Self::Lognormal(a, b) | Self::Uniform(a, b) => [a, b],
         }
@@ -80,7 +80,7 @@ impl Prior {
 
     /// The value below which a share of the probability lies, 0 < `share` < 1.
     #[must_use]
-    pub fn quantile(&self, share: f64) -> f64 {
+    pub(crate) fn quantile(&self, share: f64) -> f64 {
         // the numbers were checked, so that there is always a distribution
         match *self {
             Self::Normal(mean, deviation) => Normal::new(mean, deviation).map_or(mean, |d| d.inverse_cdf(share)),
@@ -176,7 +176,7 @@ impl Uncertain {
     ///
     /// # Errors
     /// [`SceneError`] for a key that is not known or can't be uncertain, and for wrong numbers.
-    pub fn new(path: &str, word: &str, numbers: &[f64], place: &str) -> Result<Self, SceneError> {
+    pub(crate) fn new(path: &str, word: &str, numbers: &[f64], place: &str) -> Result<Self, SceneError> {
         let shown = format!("{{ {word} = {} }}", Value::from(numbers.to_vec()));
         let refuse = |reason: String| inconsistent(path, &shown, place, reason);
         let (range, allowed) = range_of(path, &shown, place)?;

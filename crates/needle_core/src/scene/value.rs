@@ -22,7 +22,7 @@ pub enum Value {
 impl Value {
     /// What it is, for messages.
     #[must_use]
-    pub const fn type_name(&self) -> &'static str {
+    pub(crate) const fn type_name(&self) -> &'static str {
         match self {
             Self::Text(_) => "text",
             Self::Real(_) => "a number",

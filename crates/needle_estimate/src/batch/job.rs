@@ -27,7 +27,7 @@ pub struct Job<'a> {
 impl<'a> Job<'a> {
     /// The manifest's entry for this recording.
     #[must_use]
-    pub fn entry(&self) -> &Entry {
+    pub(crate) fn entry(&self) -> &Entry {
         &self.manifest.recordings[self.number]
     }
 
@@ -193,7 +193,7 @@ pub(super) struct Prepared<'a> {
 }
 
 impl Prepared<'_> {
-    pub fn task(&self) -> Task<'_> {
+    pub(crate) fn task(&self) -> Task<'_> {
         Task {
             scene: &self.scene,
             readings: &self.readings,

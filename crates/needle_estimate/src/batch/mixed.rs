@@ -23,7 +23,7 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// See the module. For a single sample, or for one recording per sample, the component that can't be estimated is
 /// `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Components {
+pub(crate) struct Components {
     /// m
     pub mean: f64,
     /// Its standard error, from both variance components.
@@ -64,7 +64,7 @@ fn fitted(samples: &[Sample], ratio: f64) -> Fitted {
 impl Components {
     /// Estimates the components from the values of each sample; `None` without values.
     #[must_use]
-    pub fn of(samples: &[Vec<f64>]) -> Option<Self> {
+    pub(crate) fn of(samples: &[Vec<f64>]) -> Option<Self> {
         let of = |values: &Vec<f64>| {
             let n = values.len() as f64;
             let mean = values.iter().sum::<f64>() / n;

@@ -21,4 +21,5 @@ pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample, sea
 pub use pool::{Group, Pooled, Sample};
 pub use row::{Fit, HeldOut, Key, Row};
 pub use tables::{Needed, Tables};
-pub use together::{JointFit, SampleJob, SampleRow};
+pub use together::JointFit;
+pub use together::{SampleJob, SampleRow};

@@ -11,29 +11,29 @@ use crate::compare::{Answer, Run};
 
 impl Recorded<'_> {
     /// Stores the measured components across the axis at the rows.
-    pub fn take_components(&mut self, first: &Run, rows: &[&Answer]) {
+    pub(crate) fn take_components(&mut self, first: &Run, rows: &[&Answer]) {
         self.across = first.across(rows, self.task.force_error);
         self.vectors = first.predicts_vectors();
     }
 
     /// The components across the axis that are fitted: none for a model with symmetry about the axis.
-    pub fn across_fitted(&self) -> &[Component] {
+    pub(crate) fn across_fitted(&self) -> &[Component] {
         if self.vectors { &self.across } else { &[] }
     }
 
     /// Number of residuals: the fitted rows, along the axis and across it.
-    pub fn residual_count(&self) -> usize {
+    pub(crate) fn residual_count(&self) -> usize {
         self.fitted.len() * (1 + self.across_fitted().len())
     }
 
     /// The values of a column at the fitted rows.
-    pub fn at_fitted(&self, column: &[f64]) -> Vec<f64> {
+    pub(crate) fn at_fitted(&self, column: &[f64]) -> Vec<f64> {
         self.fitted.iter().map(|&i| column[i]).collect()
     }
 
     /// Concatenates the columns of the components at the fitted rows. Those across the axis are weighted, and the
     /// zero and drift of the load cell are projected out of them. Components that are not fitted are dropped.
-    pub fn one_column(&self, components: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
+    pub(crate) fn one_column(&self, components: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
         let weights = std::iter::once(None).chain(self.across_fitted().iter().map(|c| Some(c.weight)));
         let mut all = Vec::with_capacity(self.residual_count());
         for (mut column, weight) in components.zip(weights) {
@@ -56,14 +56,14 @@ impl Recorded<'_> {
     }
 
     /// The measured force along the axis without the load cell's contribution, then across it, at the fitted rows.
-    pub fn all_measured(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn all_measured(&self, x: &[f64]) -> Vec<f64> {
         let along = self.fitted.iter().map(|&i| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]));
         let across = self.across_fitted().iter().map(|c| self.at_fitted(&c.measured_n));
         self.one_column(std::iter::once(along.collect()).chain(across))
     }
 
     /// The components across the axis at the fitted rows, for their alignment with the last run.
-    pub fn beside(&self) -> Vec<Beside> {
+    pub(crate) fn beside(&self) -> Vec<Beside> {
         let paths = self.kept.iter().flat_map(|kept| &kept.paths[1..]);
         let one = |(c, path): (&Component, &ForcePath)| Beside {
             path: path.clone(),
@@ -74,13 +74,13 @@ impl Recorded<'_> {
     }
 
     /// Weights of the components that are fitted.
-    pub fn weights(&self) -> Vec<f64> {
+    pub(crate) fn weights(&self) -> Vec<f64> {
         std::iter::once(1.0).chain(self.across_fitted().iter().map(|c| c.weight)).collect()
     }
 
     /// The fitted rows of each component across the axis with its name, for the verdict. `predicted` holds each
     /// component at all rows.
-    pub fn rows_across(&self, along: &Rows, predicted: &[Vec<f64>]) -> Vec<(String, Rows)> {
+    pub(crate) fn rows_across(&self, along: &Rows, predicted: &[Vec<f64>]) -> Vec<(String, Rows)> {
         let rows = |(c, predicted): (&Component, &Vec<f64>)| {
             let predicted_n = self.at_fitted(predicted);
             let measured = self.at_fitted(&c.measured_n);

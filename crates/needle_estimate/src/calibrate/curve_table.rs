@@ -94,12 +94,14 @@ fn refused(key: &str, reason: &str) -> CalibrateError {
 }
 
 impl CurveTable {
-    /// Tabulates the scene over the wanted keys, for recordings down to a depth in m. The runs use the current rayon
-    /// pool.
-    ///
-    /// # Errors
-    /// [`CalibrateError`] if the force of the scene is not a function of the depth and these keys, or if a run fails.
-    pub fn new(scene: &Scene, wanted: &[Wanted], to_depth_m: f64, cancel: &Cancel) -> Result<Self, CalibrateError> {
+    /// A table with its curves, for recordings down to a depth in m.
+    #[cfg(test)]
+    pub(crate) fn new(
+        scene: &Scene,
+        wanted: &[Wanted],
+        to_depth_m: f64,
+        cancel: &Cancel,
+    ) -> Result<Self, CalibrateError> {
         let mut table = Self::planned(scene, wanted, to_depth_m)?;
         table.run_all(cancel, &|| {})?;
         Ok(table)
@@ -109,7 +111,7 @@ impl CurveTable {
     ///
     /// # Errors
     /// [`CalibrateError`] if the force of the scene is not a function of the depth and these keys.
-    pub fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
+    pub(crate) fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
         check(scene)?;
         let keys = wanted.iter().filter(|w| !w.key.starts_with("align.") && !MODULI.contains(&w.key.as_str()));
         let axes = keys.map(axis).collect::<Result<Vec<_>, _>>()?;
@@ -121,7 +123,7 @@ impl CurveTable {
 
     /// Number of runs of the twin that the table needs.
     #[must_use]
-    pub fn runs(&self) -> usize {
+    pub(crate) fn runs(&self) -> usize {
         POINTS.pow(self.axes.len() as u32)
     }
 
@@ -129,7 +131,7 @@ impl CurveTable {
     ///
     /// # Errors
     /// [`CalibrateError`] if a run fails.
-    pub fn run_all(&mut self, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Result<(), CalibrateError> {
+    pub(crate) fn run_all(&mut self, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Result<(), CalibrateError> {
         let one = |n: usize| self.curve(n, cancel).inspect(|_| done());
         self.curves = (0..self.runs()).into_par_iter().map(one).collect::<Result<_, CalibrateError>>()?;
         Ok(())
@@ -137,12 +139,12 @@ impl CurveTable {
 
     /// The curves, for storage.
     #[must_use]
-    pub fn curves(&self) -> &[Vec<f64>] {
+    pub(crate) fn curves(&self) -> &[Vec<f64>] {
         &self.curves
     }
 
     /// Takes stored curves; returns false if their number is wrong.
-    pub fn take(&mut self, curves: Vec<Vec<f64>>) -> bool {
+    pub(crate) fn take(&mut self, curves: Vec<Vec<f64>>) -> bool {
         let fits = curves.len() == self.runs() && curves.iter().all(|curve| (2..=PLACES).contains(&curve.len()));
         if fits {
             self.curves = curves;
@@ -255,7 +257,7 @@ impl CurveTable {
     ///
     /// # Errors
     /// Why it is not, and what to do.
-    pub fn covers(&self, readings: &[Reading]) -> Result<(), String> {
+    pub(crate) fn covers(&self, readings: &[Reading]) -> Result<(), String> {
         let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { Some(depth_m) } else { None };
         let Some(depths) = readings.iter().map(depth).collect::<Option<Vec<f64>>>() else {
             return Err("curves = \"table\" takes depths, and this recording has poses".to_owned());

@@ -125,7 +125,7 @@ impl Problem for Together<'_> {
 ///
 /// # Errors
 /// [`CalibrateError`] as of [`super::calibrate`] for any of them.
-pub fn calibrate_together(tasks: &[Task], cancel: &Cancel) -> Result<Joint, CalibrateError> {
+pub(crate) fn calibrate_together(tasks: &[Task], cancel: &Cancel) -> Result<Joint, CalibrateError> {
     let mut watches: Vec<Cancel> = tasks.iter().map(|_| cancel.clone()).collect();
     let mut silent: Vec<fn(&str)> = tasks.iter().map(|_| (|_: &str| ()) as fn(&str)).collect();
     let (mut parts, mut alone) = (Vec::new(), Vec::new());

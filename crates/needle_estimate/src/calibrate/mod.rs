@@ -41,8 +41,11 @@ use needle_core::scene::{Align, Metres, Override, Scene, Seconds};
 pub use curve_table::CurveTable;
 pub use error::CalibrateError;
 pub use forces::{Forces, rmse};
-pub use joint::{Joint, JointKey, Own, calibrate_together};
-pub use markers::{MarkerEstimate, MarkerFit, MarkerResidual, MarkerTask, calibrate_markers};
+pub use joint::JointKey;
+pub(crate) use joint::calibrate_together;
+pub use joint::{Joint, Own};
+pub use markers::MarkerEstimate;
+pub use markers::{MarkerFit, MarkerResidual, MarkerTask, calibrate_markers};
 pub use prediction::{Prediction, predict};
 use problem::Recorded;
 use search::{Searched, aligned, search};
@@ -51,7 +54,7 @@ pub use task::{LoadCell, Task, Wanted};
 use unknown::Sought;
 
 /// Half-width of a 95% interval, in standard errors.
-pub const INTERVAL_95: f64 = 1.96;
+pub(crate) const INTERVAL_95: f64 = 1.96;
 /// One estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
@@ -276,7 +279,7 @@ fn align(problem: &Recorded, scene: &Scene, x: &[f64]) -> Option<Align> {
 
 /// The identified keys that a scene has, with their values: to transfer them to another scene.
 #[must_use]
-pub fn carried(calibration: &Calibration, scene: &Scene) -> Vec<Override> {
+pub(crate) fn carried(calibration: &Calibration, scene: &Scene) -> Vec<Override> {
     let keys = calibration.estimates[..calibration.keys].iter();
     let tied =
         calibration.tied.iter().filter_map(|(key, other)| Some((key.as_str(), calibration.estimate(other)?.value)));

@@ -60,7 +60,7 @@ pub(super) struct Recorded<'a> {
 }
 
 impl<'a> Recorded<'a> {
-    pub fn new(
+    pub(crate) fn new(
         task: &'a Task<'a>,
         sought: Vec<Sought>,
         watch: &'a mut dyn Watch,
@@ -86,7 +86,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// Takes the readings to fit from the first run.
-    pub fn take(&mut self, first: &Run, clock_s: f64) -> Result<(), CalibrateError> {
+    pub(crate) fn take(&mut self, first: &Run, clock_s: f64) -> Result<(), CalibrateError> {
         let path = path_of(first).ok_or(CalibrateError::NoContact)?;
         // with a late force, an oscillation at a time of the run appears later in the measured readings
         let swings: Vec<bool> = at_rest(&first.answers).iter().map(|at_rest| !at_rest).collect();
@@ -127,7 +127,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// The keys' values as changes of the scene.
-    pub fn changes(&self, x: &[f64]) -> Vec<Override> {
+    pub(crate) fn changes(&self, x: &[f64]) -> Vec<Override> {
         let keys = self.sought.iter().zip(x).filter_map(|(s, value)| match s {
             Sought::Key(key) => Some(Override::typed(key, *value, "--fit")),
             _ => None,
@@ -136,38 +136,38 @@ impl<'a> Recorded<'a> {
     }
 
     /// Keys that took the value of another: (key, the other).
-    pub fn tied(&self) -> Vec<(String, String)> {
+    pub(crate) fn tied(&self) -> Vec<(String, String)> {
         self.tied.iter().map(|(key, k)| ((*key).to_owned(), self.sought[*k].name().to_owned())).collect()
     }
 
     /// Names of the unknowns.
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         self.sought.iter().map(|s| s.name().to_owned()).collect()
     }
 
     /// Which rows are fitted.
-    pub const fn parts(&self) -> &Parts {
+    pub(crate) const fn parts(&self) -> &Parts {
         &self.parts
     }
 
     /// Number of poses that the twin refused in the last run.
-    pub const fn refused(&self) -> usize {
+    pub(crate) const fn refused(&self) -> usize {
         self.refused
     }
 
     /// Number of runs of the twin so far.
-    pub const fn runs(&self) -> u32 {
+    pub(crate) const fn runs(&self) -> u32 {
         self.runs
     }
 
     /// The error if the scene runs with its own values, but not with the start values of the search.
-    pub fn beyond_start(&self) -> CalibrateError {
+    pub(crate) fn beyond_start(&self) -> CalibrateError {
         let keys: Vec<&str> = self.task.wanted.iter().map(|w| w.key.as_str()).collect();
         CalibrateError::Diverged(format!("with {} near the start of the search", keys.join(", ")))
     }
 
     /// All forces, including those for the values x. The last run must have been made with these values.
-    pub fn forces(&mut self, x: &[f64]) -> Result<Forces, CalibrateError> {
+    pub(crate) fn forces(&mut self, x: &[f64]) -> Result<Forces, CalibrateError> {
         if self.kept.as_ref().is_none_or(|kept| kept.x != x) {
             self.kept = None;
         }
@@ -177,7 +177,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// The fitted rows, for the verdict and for the alignment with the last run.
-    pub fn rows(&self, forces: &Forces, predicted_n: &[f64], x: &[f64]) -> Rows {
+    pub(crate) fn rows(&self, forces: &Forces, predicted_n: &[f64], x: &[f64]) -> Rows {
         let of = |column: &[f64]| -> Vec<f64> { self.fitted.iter().map(|&i| column[i]).collect() };
         let measured = self.fitted.iter().map(|&i| forces.measured_n[i] - self.added(x, forces.time_s[i]));
         Rows {
@@ -201,17 +201,17 @@ impl<'a> Recorded<'a> {
     }
 
     /// The last run's force along its motion.
-    pub fn path(&self) -> Option<&ForcePath> {
+    pub(crate) fn path(&self) -> Option<&ForcePath> {
         self.kept.as_ref().map(|kept| &kept.paths[0])
     }
 
     /// Regions of the tip during the last run.
-    pub fn regions(&self) -> &[Depths] {
+    pub(crate) fn regions(&self) -> &[Depths] {
         self.kept.as_ref().map_or(&[], |kept| &kept.regions)
     }
 
     /// Value of an unknown; 0 if it is not sought.
-    pub fn value(&self, x: &[f64], of: &Sought) -> f64 {
+    pub(crate) fn value(&self, x: &[f64], of: &Sought) -> f64 {
         self.sought.iter().position(|s| s == of).map_or(0.0, |k| x[k])
     }
 
@@ -265,7 +265,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// Forces at the fitted rows against the axis and, if they are fitted, across it, N; and their depths, m.
-    pub fn all_fitted(&mut self, x: &[f64]) -> Result<(Vec<f64>, Vec<f64>), CalibrateError> {
+    pub(crate) fn all_fitted(&mut self, x: &[f64]) -> Result<(Vec<f64>, Vec<f64>), CalibrateError> {
         let mut all = self.all_predicted(x)?.unwrap_or_default();
         all.truncate(1 + self.across_fitted().len());
         let force = all.iter().flat_map(|force| self.at_fitted(force)).collect();

@@ -38,7 +38,7 @@ pub(super) struct Common {
 }
 
 impl Common {
-    pub fn new(scene: &Scene, sought: &[Sought]) -> Self {
+    pub(crate) fn new(scene: &Scene, sought: &[Sought]) -> Self {
         let of_regions = sought.iter().any(Sought::is_of_regions);
         let moves = of_regions && Twin::stretch_from(scene, &scene.regions).is_some();
         Self { of_regions, made_for: moves.then(|| scene.regions.clone()), steps: None }
@@ -46,7 +46,7 @@ impl Common {
 
     /// The scene as it is run, with the least number of steps raised. Only the first poses, where contact begins with
     /// an impulse, take more steps than that.
-    pub fn posed(&self, scene: &Scene) -> Scene {
+    pub(crate) fn posed(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         let stepping = &mut scene.stepping;
         let steps = self.steps.unwrap_or(0).min(stepping.max_steps_per_pose);
@@ -57,13 +57,13 @@ impl Common {
 
 impl Recorded<'_> {
     /// The first key for whose values unrelated clouds are made.
-    pub fn of_many_clouds(&self) -> Option<&str> {
+    pub(crate) fn of_many_clouds(&self) -> Option<&str> {
         let shapes = self.sought.iter().map(Sought::name).find(|name| name.starts_with("regions."));
         shapes.filter(|_| self.common.made_for.is_none())
     }
 
     /// Whether further runs take other steps than the first. If so, they do from then on.
-    pub fn makes_steady(&mut self, first: &Run) -> bool {
+    pub(crate) fn makes_steady(&mut self, first: &Run) -> bool {
         let touching = first.answers.iter().filter(|a| a.predicted_n != 0.0 && a.steps > 0);
         let (steps, poses) = touching.fold((0.0, 0.0), |(s, n), a| (s + f64::from(a.steps), n + 1.0));
         if self.common.of_regions && self.task.table.is_none() && poses > 0.0 {
@@ -74,7 +74,7 @@ impl Recorded<'_> {
 
     /// Whether the layers for the values x are so far from those of the cloud that a new one is needed. If so, it is
     /// used from then on.
-    pub fn makes_anew(&mut self, x: &[f64]) -> Result<bool, CalibrateError> {
+    pub(crate) fn makes_anew(&mut self, x: &[f64]) -> Result<bool, CalibrateError> {
         let scene = self.task.scene.with(&self.changes(x))?;
         let Some(made_for) = &mut self.common.made_for else { return Ok(false) };
         let far = Twin::stretch_from(&scene, made_for).is_none_or(|most| most > REMADE);

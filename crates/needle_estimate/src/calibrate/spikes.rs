@@ -29,7 +29,7 @@ impl Recorded<'_> {
     /// Excludes the rows whose residuals are outliers, and returns their number. A spike of a few readings (a bond
     /// that releases, a knock) is not part of the model and would bias every value. If many readings are outliers the
     /// model is wrong, and none is excluded.
-    pub fn leave_out(&mut self, residuals: &[f64]) -> usize {
+    pub(crate) fn leave_out(&mut self, residuals: &[f64]) -> usize {
         let components: Vec<&[f64]> = residuals.chunks_exact(self.fitted.len()).collect();
         let most = |residuals: &&[f64]| {
             let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();

@@ -11,7 +11,7 @@ const NEAR_SIZE: f64 = 0.2;
 
 impl Recorded<'_> {
     /// Runs the scene with its own values over the recorded motion, with the contact shifted.
-    pub fn first(&mut self, contact_m: f64) -> Result<Run, CalibrateError> {
+    pub(crate) fn first(&mut self, contact_m: f64) -> Result<Run, CalibrateError> {
         let run = self.run(self.task.scene, contact_m)?;
         match run.diverged {
             Some(reason) => Err(CalibrateError::Diverged(reason)),
@@ -20,7 +20,7 @@ impl Recorded<'_> {
     }
 
     /// Adds a shift of the recording to the unknowns. The last run was made without one.
-    pub fn seek(&mut self, shift: Sought) {
+    pub(crate) fn seek(&mut self, shift: Sought) {
         self.sought.push(shift);
         if let Some(kept) = &mut self.kept {
             kept.x.push(0.0);
@@ -28,7 +28,7 @@ impl Recorded<'_> {
     }
 
     /// Keeps the first run for reuse, if the search starts with the scene's own values and the contact of that run.
-    pub fn keep(&mut self, first: &Run, contact_m: f64) {
+    pub(crate) fn keep(&mut self, first: &Run, contact_m: f64) {
         let at = |sought: &Sought| match sought {
             Sought::Key(key) => self.task.scene.get(key)?.as_list()?.first().copied(),
             Sought::Contact => Some(contact_m),
@@ -45,7 +45,7 @@ impl Recorded<'_> {
 
     /// Starts the search at the point of the table with the smallest residual after scaling the pressures. Friction
     /// and exponents can have several local minima.
-    pub fn begin_in_table(&mut self, unknowns: &mut [Unknown]) -> Result<(), CalibrateError> {
+    pub(crate) fn begin_in_table(&mut self, unknowns: &mut [Unknown]) -> Result<(), CalibrateError> {
         let Some(table) = self.task.table else { return Ok(()) };
         let mut best: Option<(f64, Vec<f64>)> = None;
         for scene in table.coarse() {
@@ -76,7 +76,7 @@ impl Recorded<'_> {
 
     /// Scales the start values of the pressures by the factor that the first run's force lacks. A factor near 1
     /// leaves them as they are.
-    pub fn begin_at_size(&self, size: f64, unknowns: &mut [Unknown]) {
+    pub(crate) fn begin_at_size(&self, size: f64, unknowns: &mut [Unknown]) {
         if !size.is_finite() || size <= 0.0 || size.ln().abs() < NEAR_SIZE {
             return;
         }

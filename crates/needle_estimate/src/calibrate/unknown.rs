@@ -40,7 +40,7 @@ const ALIGN: [&str; 3] = [CONTACT_KEY, CLOCK_KEY, ZERO_KEY];
 
 impl Sought {
     /// The requested keys, then the load cell's parameters.
-    pub fn all(wanted: &[Wanted], load_cell: LoadCell) -> Vec<Self> {
+    pub(crate) fn all(wanted: &[Wanted], load_cell: LoadCell) -> Vec<Self> {
         let asked = |w: &Wanted| match w.key.as_str() {
             CONTACT_KEY => Self::Contact,
             CLOCK_KEY => Self::Clock,
@@ -57,7 +57,7 @@ impl Sought {
         all
     }
 
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         match self {
             Self::Key(key) => key,
             Self::Contact => CONTACT_KEY,
@@ -69,12 +69,12 @@ impl Sought {
     }
 
     /// Whether it is a key of one of several regions or materials.
-    pub fn is_of_regions(&self) -> bool {
+    pub(crate) fn is_of_regions(&self) -> bool {
         matches!(self, Self::Key(key) if key.starts_with("regions.") || key.starts_with("materials."))
     }
 
     /// The change of a load cell's reading at a time for one unit of it.
-    pub const fn added(&self, time_s: f64) -> f64 {
+    pub(crate) const fn added(&self, time_s: f64) -> f64 {
         match self {
             Self::Zero { .. } => 1.0,
             Self::Drift => time_s,
@@ -83,7 +83,7 @@ impl Sought {
     }
 
     /// Its value in the scene's `[align]`; 0 for all other unknowns.
-    pub fn aligned(&self, scene: &Scene) -> f64 {
+    pub(crate) fn aligned(&self, scene: &Scene) -> f64 {
         let align = scene.align.unwrap_or(Align::NONE);
         match self {
             Self::Key(_) => 0.0,
@@ -95,7 +95,7 @@ impl Sought {
     }
 
     /// Its start, bounds and scale.
-    pub fn unknown(&self, scene: &Scene, wanted: &[Wanted]) -> Result<least_squares::Unknown, CalibrateError> {
+    pub(crate) fn unknown(&self, scene: &Scene, wanted: &[Wanted]) -> Result<least_squares::Unknown, CalibrateError> {
         let bounds = wanted.iter().find(|w| w.key == self.name()).and_then(|w| w.bounds);
         // the recording is already corrected by the scene's value
         let bounds = bounds.map(|bounds| bounds.map(|bound| bound - self.aligned(scene)));

@@ -16,7 +16,7 @@
 //!
 //! If the load cell measured a vector and the model predicts one, the components across the axis are used too
 //! (`beside`). They share shifts and factor with the axial force. Each has its own zero and drift and is weighted by
-//! its noise ([`super::components`]). They determine the clock offset of a needle that moves laterally at constant
+//! its noise (`components`). They determine the clock offset of a needle that moves laterally at constant
 //! depth.
 //!
 //! Errors are those of [`super::uncertainty`]. A motion at constant speed can't distinguish c from tau. Then tau is
@@ -73,13 +73,13 @@ pub struct Alignment {
 impl Alignment {
     /// Whether the contact differs significantly from the recorded one.
     #[must_use]
-    pub fn contact_is_off(&self) -> bool {
+    pub(crate) fn contact_is_off(&self) -> bool {
         self.contact_depth_m.is_off(TOLERANCE[0])
     }
 
     /// Whether the clocks differ significantly.
     #[must_use]
-    pub fn clock_is_off(&self) -> bool {
+    pub(crate) fn clock_is_off(&self) -> bool {
         self.time_offset_s.is_off(TOLERANCE[1])
     }
 
@@ -238,7 +238,7 @@ impl Run {
 
     /// The alignment from a subset of the readings.
     #[must_use]
-    pub fn alignment_of(&self, rows: Rows) -> Option<Alignment> {
+    pub(crate) fn alignment_of(&self, rows: Rows) -> Option<Alignment> {
         if rows.is_empty() || rows.loaded(0.02).len() < 64 {
             return None;
         }

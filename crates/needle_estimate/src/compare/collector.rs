@@ -25,7 +25,7 @@ pub struct Keep {
 }
 
 /// Assembles a [`Run`].
-pub struct Collector {
+pub(crate) struct Collector {
     run: Run,
     keep: Keep,
     hash: Xxh3,
@@ -45,7 +45,7 @@ pub struct Collector {
 impl Collector {
     /// Starts a run of a twin that has just been built or reset. `command` is the name of the command (`replay`).
     #[must_use]
-    pub fn new(twin: &Twin, command: &str, build_s: f64, keep: Keep) -> Self {
+    pub(crate) fn new(twin: &Twin, command: &str, build_s: f64, keep: Keep) -> Self {
         let scene = twin.scene();
         let run = Run {
             scene: scene.name.clone(),
@@ -84,7 +84,7 @@ impl Collector {
 
     /// Adds one prediction with the force measured at its time (force of the tissue on the instrument in frame
     /// `sample`, N) and its wall time. `axis` is the unit vector along the instrument, into the sample.
-    pub fn answered(
+    pub(crate) fn answered(
         &mut self,
         twin: &Twin,
         prediction: &Prediction,
@@ -192,7 +192,7 @@ impl Collector {
     }
 
     /// Counts a pose that the twin refused. The run reports their number and the first reason.
-    pub fn refused(&mut self, reason: &str) {
+    pub(crate) fn refused(&mut self, reason: &str) {
         self.refused += 1;
         if self.refused == 1 {
             reason.clone_into(&mut self.first_refusal);
@@ -200,40 +200,35 @@ impl Collector {
     }
 
     /// Notes that a pose had no answer because the model had diverged. The run reports the first reason.
-    pub fn diverged(&mut self, reason: String) {
+    pub(crate) fn diverged(&mut self, reason: String) {
         self.unanswered += 1;
         self.run.diverged.get_or_insert(reason);
     }
 
     /// Notes that an answer came later than the next pose.
-    pub const fn missed_deadline(&mut self) {
+    pub(crate) const fn missed_deadline(&mut self) {
         self.run.missed_deadlines += 1;
     }
 
-    /// Notes poses that were skipped for a newer one.
-    pub const fn coalesced(&mut self, poses: u64) {
-        self.run.coalesced_poses += poses;
-    }
-
     /// Notes a loss of data.
-    pub fn lost(&mut self, what: String) {
+    pub(crate) fn lost(&mut self, what: String) {
         self.run.losses.push(what);
     }
 
     /// Sets the source of the measured force.
-    pub fn measured_source(&mut self, what: &str) {
+    pub(crate) fn measured_source(&mut self, what: &str) {
         what.clone_into(&mut self.run.measured_source);
     }
 
     /// The run so far.
     #[must_use]
-    pub const fn run(&self) -> &Run {
+    pub(crate) const fn run(&self) -> &Run {
         &self.run
     }
 
     /// Ends the run: final field, checksum, health over the whole of it.
     #[must_use]
-    pub fn finish(mut self, twin: &Twin) -> Run {
+    pub(crate) fn finish(mut self, twin: &Twin) -> Run {
         if self.refused > 0 {
             self.run
                 .losses

@@ -32,7 +32,7 @@ pub struct Component {
 impl Component {
     /// The run's force along it; `None` if the instrument does not enter the sample.
     #[must_use]
-    pub fn path(&self, run: &Run) -> Option<ForcePath> {
+    pub(crate) fn path(&self, run: &Run) -> Option<ForcePath> {
         let force = |a: &Answer| dot(&a.predicted_vector_n, &self.unit);
         let finite = |a: &&Answer| [a.time_s, a.depth_m, force(a)].iter().all(|x| x.is_finite());
         let column = |of: &dyn Fn(&Answer) -> f64| run.answers.iter().filter(finite).map(of).collect();
@@ -63,7 +63,7 @@ impl Run {
 
     /// Whether the model predicts the force across the axis. A model with symmetry about the axis does not.
     #[must_use]
-    pub fn predicts_vectors(&self) -> bool {
+    pub(crate) fn predicts_vectors(&self) -> bool {
         self.dimension == Dimension::Full.as_str() || self.dimension == Dimension::Mirrored.as_str()
     }
 
@@ -85,7 +85,7 @@ impl Run {
 
 /// Subtracts from a column its mean (`free` = 1) or its regression line over time (2): the effects of a load cell's
 /// zero and drift.
-pub fn take_load_cell_off(column: &mut [f64], time_s: &[f64], free: usize) {
+pub(crate) fn take_load_cell_off(column: &mut [f64], time_s: &[f64], free: usize) {
     let n = column.len().max(1) as f64;
     if free > 0 {
         let mean = column.iter().sum::<f64>() / n;

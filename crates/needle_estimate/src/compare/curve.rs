@@ -20,7 +20,7 @@ pub struct Curve {
 impl Curve {
     /// Builds the curve from readings in order of time. Readings after the deepest one are left out.
     #[must_use]
-    pub fn of(depth_m: &[f64], measured_n: &[f64], predicted_n: &[f64]) -> Self {
+    pub(crate) fn of(depth_m: &[f64], measured_n: &[f64], predicted_n: &[f64]) -> Self {
         let Some(deepest) = (0..depth_m.len()).max_by(|&a, &b| depth_m[a].total_cmp(&depth_m[b])) else {
             return Self::default();
         };
@@ -40,7 +40,7 @@ impl Curve {
 
     /// Interpolates one of the two force columns at a depth, N. Outside the range it returns the nearest end value.
     #[must_use]
-    pub fn at(&self, forces: &[f64], depth_m: f64) -> f64 {
+    pub(crate) fn at(&self, forces: &[f64], depth_m: f64) -> f64 {
         let all: Vec<usize> = (0..self.depth_m.len()).collect();
         interpolated(&all, &self.depth_m, forces, depth_m)
     }

@@ -1,6 +1,6 @@
 //! Online identification of stiffness, needle coefficient and load-cell offset, reading by reading.
 //!
-//! It is a [`Learner`] with three unknowns that need no run of the twin. With F the twin's force and z the load
+//! It is a `Learner` with three unknowns that need no run of the twin. With F the twin's force and z the load
 //! cell's reading,
 //!
 //! ```text

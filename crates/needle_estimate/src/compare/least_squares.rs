@@ -29,7 +29,7 @@ const LEFT: f64 = 3e-4;
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e10];
 
 /// The function to be minimised.
-pub trait Problem {
+pub(crate) trait Problem {
     /// An error that ends the search at once.
     type Error;
 
@@ -48,7 +48,7 @@ pub trait Problem {
 
 /// Start, bounds and scale of an unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unknown {
+pub(crate) struct Unknown {
     /// Start value.
     pub start: f64,
     /// Least and largest value.
@@ -61,7 +61,7 @@ pub struct Unknown {
 
 /// Result of the search.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solution {
+pub(crate) struct Solution {
     /// The unknowns.
     pub x: Vec<f64>,
     /// Residuals there.
@@ -78,7 +78,7 @@ pub struct Solution {
 ///
 /// # Errors
 /// Those of the problem.
-pub fn solve<P: Problem>(problem: &mut P, unknowns: &[Unknown]) -> Result<Option<Solution>, P::Error> {
+pub(crate) fn solve<P: Problem>(problem: &mut P, unknowns: &[Unknown]) -> Result<Option<Solution>, P::Error> {
     let mut x: Vec<f64> = unknowns.iter().map(|u| u.start.clamp(u.bounds[0], u.bounds[1])).collect();
     let Some(mut r) = problem.residuals(&x)? else { return Ok(None) };
     let Some(mut jacobian) = problem.jacobian(&x, &r)? else { return Ok(None) };

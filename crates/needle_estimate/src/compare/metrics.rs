@@ -86,7 +86,7 @@ impl Run {
 
     /// Whether the load cell measured the force as a vector: at least two of its components are not always zero.
     #[must_use]
-    pub fn measures_vectors(&self) -> bool {
+    pub(crate) fn measures_vectors(&self) -> bool {
         let read = |k: usize| self.answers.iter().filter_map(|a| a.measured_vector_n).any(|f| f[k] != 0.0);
         (0..3).filter(|&k| read(k)).count() > 1
     }

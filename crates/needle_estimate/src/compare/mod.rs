@@ -2,14 +2,14 @@
 
 pub mod alignment;
 mod collector;
-pub mod components;
+pub(crate) mod components;
 pub mod crossing;
 mod curve;
 pub mod ensemble;
 pub mod frozen;
 pub mod identifier;
 pub mod learning;
-pub mod least_squares;
+pub(crate) mod least_squares;
 mod legs;
 mod metrics;
 pub mod path;
@@ -23,7 +23,8 @@ pub mod uncertainty;
 pub mod verdict;
 mod watch;
 
-pub use collector::{Collector, Keep};
+pub(crate) use collector::Collector;
+pub use collector::Keep;
 pub use curve::Curve;
 pub use legs::{Legs, Pass, passes};
 pub use metrics::{ForceMetrics, Latency, ModelError};
@@ -73,7 +74,7 @@ impl Answer {
 
     /// Length of the vector predicted - measured, N, if both are known and finite.
     #[must_use]
-    pub fn vector_error_n(&self) -> Option<f64> {
+    pub(crate) fn vector_error_n(&self) -> Option<f64> {
         let measured = self.measured_vector_n?;
         let square: f64 = self.predicted_vector_n.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum();
         Some(square.sqrt()).filter(|e| e.is_finite())

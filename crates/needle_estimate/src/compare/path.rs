@@ -117,7 +117,7 @@ impl ForcePath {
 
     /// The same for a force across the axis, which lateral motion changes as well.
     #[must_use]
-    pub fn across(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
+    pub(crate) fn across(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
         Self::with(time_s, depth_m, force_n, Curve::of_changes)
     }
 
@@ -141,7 +141,7 @@ impl ForcePath {
 
     /// Whether the run has an answer at a time.
     #[must_use]
-    pub fn covers(&self, time_s: f64) -> bool {
+    pub(crate) fn covers(&self, time_s: f64) -> bool {
         let (first, last) = (self.time_s.first(), self.time_s.last());
         first.is_some_and(|t| *t <= time_s) && last.is_some_and(|t| *t >= time_s)
     }
@@ -159,13 +159,13 @@ impl ForcePath {
 
     /// Depth at a time, m.
     #[must_use]
-    pub fn depth_m(&self, time_s: f64) -> f64 {
+    pub(crate) fn depth_m(&self, time_s: f64) -> f64 {
         Self::between(&self.depth_m, self.place(time_s))
     }
 
     /// Force at a time, N, with every depth reduced by `shallower_m`.
     #[must_use]
-    pub fn force_n(&self, time_s: f64, shallower_m: f64) -> f64 {
+    pub(crate) fn force_n(&self, time_s: f64, shallower_m: f64) -> f64 {
         let place = self.place(time_s);
         let force = Self::between(&self.force_n, place);
         if shallower_m == 0.0 {
@@ -184,14 +184,14 @@ impl ForcePath {
 
     /// Derivative of the force by the depth at a time, N/m.
     #[must_use]
-    pub fn stiffness(&self, time_s: f64, shallower_m: f64) -> f64 {
+    pub(crate) fn stiffness(&self, time_s: f64, shallower_m: f64) -> f64 {
         let place = self.place(time_s);
         self.curve(place.0).slope(Self::between(&self.depth_m, place) - shallower_m)
     }
 
     /// Derivative of the force by the time, N/s.
     #[must_use]
-    pub fn rate(&self, time_s: f64, shallower_m: f64) -> f64 {
+    pub(crate) fn rate(&self, time_s: f64, shallower_m: f64) -> f64 {
         let (a, b) = (time_s - SLOPE_S, time_s + SLOPE_S);
         (self.force_n(b, shallower_m) - self.force_n(a, shallower_m)) / (b - a)
     }

@@ -37,14 +37,14 @@ impl Rows {
     /// The answers of a run that have a measured force, except while the tissue oscillates after the instrument
     /// separated.
     #[must_use]
-    pub fn of(run: &Run) -> Self {
+    pub(crate) fn of(run: &Run) -> Self {
         Self::pairs(run, |a| Some((a.predicted_n, a.measured_n?)))
     }
 
     /// The same for one component of the force in frame `sample`, 0 to 2 for x to z, if the load cell measured a
     /// vector. It is judged relative to the size of the whole force.
     #[must_use]
-    pub fn of_component(run: &Run, k: usize) -> Self {
+    pub(crate) fn of_component(run: &Run, k: usize) -> Self {
         let of = |a: &Answer| a.measured_vector_n.map(|measured| (a.predicted_vector_n[k], measured[k]));
         Self { whole_n: Self::of(run).peak_n(), ..Self::pairs(run, of) }
     }
@@ -79,19 +79,19 @@ impl Rows {
 
     /// Share of the rows that are readings of their own; the others lie between two of them.
     #[must_use]
-    pub fn own_share(&self) -> f64 {
+    pub(crate) fn own_share(&self) -> f64 {
         self.readings.map_or(1.0, |readings| (readings as f64 / self.len().max(1) as f64).min(1.0))
     }
 
     /// Number of rows.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.time_s.len()
     }
 
     /// Whether there is none.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }
 
@@ -105,14 +105,14 @@ impl Rows {
 
     /// Predicted - measured, N.
     #[must_use]
-    pub fn residual(&self, i: usize) -> f64 {
+    pub(crate) fn residual(&self, i: usize) -> f64 {
         self.predicted_n[i] - self.measured_n[i]
     }
 
     /// Largest predicted or measured force, N. The largest hundredth of the measured ones is ignored, because knocks
     /// are not a peak.
     #[must_use]
-    pub fn peak_n(&self) -> f64 {
+    pub(crate) fn peak_n(&self) -> f64 {
         let mut sizes: Vec<f64> = self.measured_n.iter().map(|m| m.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
         let measured = sizes.get(sizes.len().saturating_sub(1 + sizes.len() / 100)).copied().unwrap_or(0.0);
@@ -121,20 +121,20 @@ impl Rows {
 
     /// Largest depth, m; 0 if the instrument stays above the sample.
     #[must_use]
-    pub fn deepest_m(&self) -> f64 {
+    pub(crate) fn deepest_m(&self) -> f64 {
         self.depth_m.iter().copied().fold(0.0, f64::max)
     }
 
     /// Readings at which the predicted or the measured force exceeds a share of the peak.
     #[must_use]
-    pub fn loaded(&self, share: f64) -> Vec<usize> {
+    pub(crate) fn loaded(&self, share: f64) -> Vec<usize> {
         let least = share * self.peak_n();
         (0..self.len()).filter(|&i| self.predicted_n[i].abs().max(self.measured_n[i].abs()) > least).collect()
     }
 
     /// Standard deviation of some readings' residuals about a straight line, N, and the correlation of neighbours.
     #[must_use]
-    pub fn scatter(&self, of: &[usize]) -> (f64, f64) {
+    pub(crate) fn scatter(&self, of: &[usize]) -> (f64, f64) {
         let n = of.len() as f64;
         let x = |k: usize| k as f64 - 0.5 * (n - 1.0);
         let mean = of.iter().map(|&i| self.residual(i)).sum::<f64>() / n;
@@ -148,7 +148,7 @@ impl Rows {
 
     /// Correlation of neighbouring residuals, after subtraction of their mean.
     #[must_use]
-    pub fn autocorrelation(&self) -> Option<f64> {
+    pub(crate) fn autocorrelation(&self) -> Option<f64> {
         let n = self.len();
         let mean = (0..n).map(|i| self.residual(i)).sum::<f64>() / n as f64;
         let off = |i: usize| self.residual(i) - mean;
@@ -159,7 +159,7 @@ impl Rows {
 
     /// Share of the residuals' sum of squares in each of several equal parts of the depth.
     #[must_use]
-    pub fn shares(&self, parts: usize) -> Vec<f64> {
+    pub(crate) fn shares(&self, parts: usize) -> Vec<f64> {
         let mut sums = vec![0.0; parts];
         let deepest = self.deepest_m();
         for i in (0..self.len()).filter(|&i| self.depth_m[i] > 0.0) {
@@ -173,7 +173,7 @@ impl Rows {
 
 /// Which answers are outside the oscillation of tissue that has just separated from the instrument.
 #[must_use]
-pub fn at_rest(answers: &[Answer]) -> Vec<bool> {
+pub(crate) fn at_rest(answers: &[Answer]) -> Vec<bool> {
     let mut left_s = f64::NEG_INFINITY;
     let mut at_rest = |a: &Answer| {
         if a.phase != Phase::Approach {

@@ -253,7 +253,7 @@ fn size(twin: &Twin, pairs: &[(f64, f64)], deep: f64, named: Option<&str>) -> Op
 
 /// Likely unit of a force that is `ratio` times too large, and the remaining deviation with that unit.
 #[must_use]
-pub fn unit_of(ratio: f64) -> (&'static str, f64) {
+pub(crate) fn unit_of(ratio: f64) -> (&'static str, f64) {
     let score = |(_, n, penalty): &(&str, f64, f64)| (ratio * n).ln().abs() + penalty;
     let best = FORCES.iter().min_by(|a, b| score(a).total_cmp(&score(b)));
     best.map_or(("", f64::INFINITY), |unit| (unit.0, score(unit)))

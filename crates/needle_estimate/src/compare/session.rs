@@ -52,7 +52,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
-    pub fn sibling(scene: &Scene, other: Option<&Twin>, command: &str, keep: Keep) -> Result<Self, BuildError> {
+    pub(crate) fn sibling(scene: &Scene, other: Option<&Twin>, command: &str, keep: Keep) -> Result<Self, BuildError> {
         Self::built(command, keep, || other.and_then(|other| other.sibling(scene)).map_or_else(|| Twin::new(scene), Ok))
     }
 
@@ -60,7 +60,12 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
-    pub fn on_cloud_of(scene: &Scene, regions: &[Region], command: &str, keep: Keep) -> Result<Self, BuildError> {
+    pub(crate) fn on_cloud_of(
+        scene: &Scene,
+        regions: &[Region],
+        command: &str,
+        keep: Keep,
+    ) -> Result<Self, BuildError> {
         Self::built(command, keep, || Twin::on_cloud_of(scene, regions))
     }
 

@@ -27,7 +27,7 @@ const LENGTHS: [f64; 2] = [0.5, 0.1];
 /// Every force has at least the error of this share of the largest force: near the surface the relative error is
 /// larger. The needle's force is up to 1.6 % off at 1 mm in the half plane, where it is 2 % of its peak. It was 5.5 %
 /// when this was chosen.
-pub const FLOOR: f64 = 0.05;
+pub(crate) const FLOOR: f64 = 0.05;
 /// Share of the variance that all components of a force have in common: an error of size of all, against an error of
 /// shape of each.
 const COMMON: f64 = 0.5;
@@ -44,7 +44,7 @@ const VARIANCE_SHARE: f64 = 0.5;
 
 /// Decomposition of the derivatives of the residuals by the unknowns.
 #[derive(Clone, Debug)]
-pub struct Uncertainty {
+pub(crate) struct Uncertainty {
     /// Lengths of the columns of J; 0: no effect on the force.
     lengths: Vec<f64>,
     /// Eigenvalues and eigenvectors of J^T J with columns of length 1.
@@ -55,7 +55,7 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// From J, whose rows are readings and whose columns are unknowns.
     #[must_use]
-    pub fn new(jacobian: &DMatrix<f64>) -> Self {
+    pub(crate) fn new(jacobian: &DMatrix<f64>) -> Self {
         let lengths: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
         let k = lengths.len();
         let product = jacobian.transpose() * jacobian;
@@ -69,7 +69,7 @@ impl Uncertainty {
 
     /// Whether the unknown changes the residuals at all.
     #[must_use]
-    pub fn has_effect(&self, unknown: usize) -> bool {
+    pub(crate) fn has_effect(&self, unknown: usize) -> bool {
         self.lengths[unknown] > 0.0
     }
 
@@ -80,7 +80,7 @@ impl Uncertainty {
     /// Whether the data determine an unknown: it has an effect, and the effect is not a combination of those of
     /// others.
     #[must_use]
-    pub fn is_determined(&self, unknown: usize) -> bool {
+    pub(crate) fn is_determined(&self, unknown: usize) -> bool {
         let lost = |m: usize| self.values[m] <= LEAST_EIGENVALUE * self.largest();
         self.has_effect(unknown) && (0..self.values.len()).all(|m| !lost(m) || self.vectors[(unknown, m)].abs() < 1e-3)
     }
@@ -101,7 +101,7 @@ impl Uncertainty {
 
     /// Covariance from the noise in the residuals.
     #[must_use]
-    pub fn noise(&self, jacobian: &DMatrix<f64>, residuals: &[f64]) -> DMatrix<f64> {
+    pub(crate) fn noise(&self, jacobian: &DMatrix<f64>, residuals: &[f64]) -> DMatrix<f64> {
         let (n, k) = jacobian.shape();
         let inverse = self.inverse();
         let variance = residuals.iter().map(|r| r * r).sum::<f64>() / n.saturating_sub(k).max(1) as f64;
@@ -125,7 +125,7 @@ impl Uncertainty {
     /// in m. The rows are those of the components of the force in turn, with equal numbers; the derivatives include
     /// these `weights`.
     #[must_use]
-    pub fn systematic(
+    pub(crate) fn systematic(
         &self,
         jacobian: &DMatrix<f64>,
         force_n: &[f64],
@@ -169,7 +169,7 @@ impl Uncertainty {
     /// Groups of unknowns that the data can't distinguish: a change of one is nearly compensated by changes of the
     /// others.
     #[must_use]
-    pub fn indistinguishable(&self) -> Vec<Vec<usize>> {
+    pub(crate) fn indistinguishable(&self) -> Vec<Vec<usize>> {
         let k = self.lengths.len();
         let floor = LEAST_EIGENVALUE * self.largest();
         let share = |a: usize, m: usize| self.vectors[(a, m)].powi(2) / self.values[m].max(floor);
@@ -184,7 +184,7 @@ impl Uncertainty {
 
 /// Correlation of a covariance; `None` where a variance is 0.
 #[must_use]
-pub fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> Option<f64> {
+pub(crate) fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> Option<f64> {
     let both = (covariance[(a, a)] * covariance[(b, b)]).sqrt();
     (both > 0.0).then(|| (covariance[(a, b)] / both).clamp(-1.0, 1.0))
 }

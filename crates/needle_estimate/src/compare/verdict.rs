@@ -85,7 +85,7 @@ impl Explains {
 
     /// The verdict as a clause of a sentence.
     #[must_use]
-    pub const fn sentence(self) -> &'static str {
+    pub(crate) const fn sentence(self) -> &'static str {
         match self {
             Self::Yes => "the model explains the measurement",
             Self::InPart => "the model explains the measurement in part",
@@ -117,7 +117,7 @@ pub struct Verdict {
 impl Verdict {
     /// This verdict, or that of a component of the force if it explains less.
     #[must_use]
-    pub fn or_worse(self, other: Self, component: &str) -> Self {
+    pub(crate) fn or_worse(self, other: Self, component: &str) -> Self {
         let chi = |v: &Self| v.reduced_chi_square.unwrap_or(0.0);
         if chi(&other) <= chi(&self).max(EXPLAINED) {
             return self;
@@ -127,7 +127,7 @@ impl Verdict {
     }
 
     /// Lowers the verdict because of intervals without recorded data, which no model explains.
-    pub fn over_holes(&mut self, holes: &[[f64; 2]]) {
+    pub(crate) fn over_holes(&mut self, holes: &[[f64; 2]]) {
         let Some([from, to]) = holes.first() else { return };
         if self.explains == Explains::Yes {
             self.explains = Explains::InPart;

@@ -45,7 +45,7 @@ fn within(depth: f64, from: f64, to: Option<f64>) -> f64 {
 }
 
 impl Fit {
-    pub fn new(
+    pub(crate) fn new(
         out: &[Reading],
         again: Option<&[Reading]>,
         diameter: f64,
@@ -192,29 +192,29 @@ impl Fit {
     }
 
     /// Upper boundary of a layer in undeformed tissue, m: the middle between the breakpoints of both motions.
-    pub fn begins(&self, i: usize) -> Known {
+    pub(crate) fn begins(&self, i: usize) -> Known {
         let (a, b) = (self.known(self.forces.len() + i), self.known(self.forces.len() + self.layers + 1 + i));
         let standard_error = 0.5 * a.standard_error.hypot(b.standard_error);
         Known { value: 0.5 * (a.value + b.value), standard_error }
     }
 
     /// Friction per length of a layer, N/m.
-    pub fn friction(&self, i: usize) -> Known {
+    pub(crate) fn friction(&self, i: usize) -> Known {
         self.known(i)
     }
 
     /// Whether there was a second insertion.
-    pub const fn is_double(&self) -> bool {
+    pub(crate) const fn is_double(&self) -> bool {
         !self.again.is_empty()
     }
 
     /// Breakpoint of a layer in the second insertion, m.
-    pub fn comes(&self, i: usize) -> f64 {
+    pub(crate) fn comes(&self, i: usize) -> f64 {
         self.breaks.get(i).copied().unwrap_or(0.0)
     }
 
     /// Friction above a layer's undeformed upper boundary, N: the shaft friction when the tip is there.
-    pub fn above(&self, i: usize) -> Known {
+    pub(crate) fn above(&self, i: usize) -> Known {
         let way = |j: usize| self.begins(j + 1).value - self.begins(j).value;
         let value = (0..i).map(|j| self.friction(j).value * way(j)).sum();
         let end = |j: usize, k: usize| self.friction(j).value * self.begins(k).standard_error;
@@ -224,7 +224,7 @@ impl Fit {
 
     /// Friction along the channel of the first insertion, N, where the second insertion reaches its end; `None` if it
     /// does not.
-    pub fn channel(&self) -> Option<Known> {
+    pub(crate) fn channel(&self) -> Option<Known> {
         let (n, last) = (self.layers, self.friction(self.layers.checked_sub(1)?).value);
         let (rise, end) = (self.known(n), self.known(self.forces.len() + n));
         let deepest = self.again.last().map(|p| p[0])?;
@@ -238,7 +238,7 @@ impl Fit {
 
     /// Root mean square residual, N.
     #[allow(clippy::cast_precision_loss)]
-    pub fn rmse(&self) -> f64 {
+    pub(crate) fn rmse(&self) -> f64 {
         (self.squares / (self.again.len() + self.out.len()) as f64).sqrt()
     }
 }

@@ -450,7 +450,7 @@ impl Arrays {
     }
 
     /// Whether its first line has the names of the columns.
-    pub const fn has_names(&self) -> bool {
+    pub(crate) const fn has_names(&self) -> bool {
         self.named
     }
 }

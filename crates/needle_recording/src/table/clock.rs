@@ -39,7 +39,7 @@ pub enum Clock {
 impl Clock {
     /// Description for messages.
     #[must_use]
-    pub const fn describe(&self) -> &'static str {
+    pub(crate) const fn describe(&self) -> &'static str {
         match self {
             Self::Number => "",
             Self::Nanoseconds(_) => "s, with ns in the next column",

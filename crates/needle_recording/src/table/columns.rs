@@ -24,7 +24,7 @@ pub struct Column {
 impl Column {
     /// The quantity in SI.
     #[must_use]
-    pub fn si(&self, number: f64) -> f64 {
+    pub(crate) fn si(&self, number: f64) -> f64 {
         (number - self.zero) * self.scale
     }
 }
@@ -88,7 +88,7 @@ impl Finder<'_> {
     }
 
     /// The columns, for messages.
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         (0..self.layout.columns).map(|i| format!("{} `{}`", i + 1, self.name(i))).collect::<Vec<_>>().join(", ")
     }
 
@@ -100,7 +100,7 @@ impl Finder<'_> {
     ///
     /// # Errors
     /// If several columns have the header.
-    pub fn named(&self, text: &str) -> Result<Option<usize>, TableError> {
+    pub(crate) fn named(&self, text: &str) -> Result<Option<usize>, TableError> {
         let wanted = text.trim();
         let headers = self.layout.headers.as_deref().unwrap_or_default();
         let bare = |h: &str| h.split(['(', '[', '<']).next().unwrap_or(h).trim().to_owned();
@@ -284,7 +284,7 @@ impl Finder<'_> {
     }
 
     /// The columns of this file that the selection names or that are detected.
-    pub fn find(&self, said: &Selection, number: usize) -> Result<Columns, TableError> {
+    pub(crate) fn find(&self, said: &Selection, number: usize) -> Result<Columns, TableError> {
         let time = if said.rate_hz.is_some() { None } else { self.time(said, number)? };
         let mut taken: Vec<usize> = time.iter().map(|(column, _)| column.index).collect();
         match &time {

@@ -81,12 +81,12 @@ pub(super) struct Splitter {
 }
 
 impl Splitter {
-    pub fn new(separator: char) -> Self {
+    pub(crate) fn new(separator: char) -> Self {
         Self { separator, quoted: OnceCell::new() }
     }
 
     /// The cells of a line, in a buffer that is reused.
-    pub fn split<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) {
+    pub(crate) fn split<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) {
         cells.clear();
         if self.separator == ' ' {
             cells.extend(line.split_whitespace().map(Into::into));
@@ -214,7 +214,7 @@ fn data_columns(rows: &[Line]) -> Option<Vec<usize>> {
 
 impl Layout {
     /// Analyses the beginning of a text; `None` if it contains no table of numbers.
-    pub fn of(text: &str, said: &TableLayout) -> Option<Self> {
+    pub(crate) fn of(text: &str, said: &TableLayout) -> Option<Self> {
         let lines: Vec<&str> = text.split('\n').take(LOOKED_AT).map(|line| line.trim_end_matches('\r')).collect();
         let comment = said.comment.as_deref();
         let header_line = said.header_line.unwrap_or(0);
@@ -278,7 +278,7 @@ impl Layout {
     }
 
     /// Content of a column, from its first rows.
-    pub fn kind(&self, column: usize) -> Kind {
+    pub(crate) fn kind(&self, column: usize) -> Kind {
         let kinds = || self.rows.iter().map(|line| line.kind(column));
         let most = [Kind::Time, Kind::Number, Kind::Text];
         let count = |of: Kind| kinds().filter(|kind| *kind == of).count();
@@ -286,12 +286,12 @@ impl Layout {
     }
 
     /// Whether there are enough rows for a recording.
-    pub fn has_rows(&self) -> bool {
+    pub(crate) fn has_rows(&self) -> bool {
         self.rows.len() >= ROWS
     }
 
     /// Cells of a column in the first rows.
-    pub fn cells(&self, column: usize) -> impl Iterator<Item = &str> {
+    pub(crate) fn cells(&self, column: usize) -> impl Iterator<Item = &str> {
         self.rows.iter().map(move |line| line.cells.get(column).map_or("", String::as_str))
     }
 }

@@ -88,7 +88,7 @@ const OTHER_PARTS: [&str; 4] = ["应力", "应变", "速度", "応力"];
 
 impl Words {
     /// How well a header names the quantity: 2 by its first word, 1 by another one, 0 not at all.
-    pub fn rank(&self, header: &str) -> u8 {
+    pub(crate) fn rank(&self, header: &str) -> u8 {
         let header = header.trim().trim_start_matches('"').to_lowercase();
         let name = header.split(['(', '[', '<']).next().unwrap_or_default();
         let words: Vec<&str> = name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();

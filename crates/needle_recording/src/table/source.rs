@@ -45,7 +45,7 @@ impl Form {
 impl Source {
     /// # Errors
     /// If the file can't be read, or is of another program.
-    pub fn of_file(path: &Path, said: &TableLayout) -> Result<Self, TableError> {
+    pub(crate) fn of_file(path: &Path, said: &TableLayout) -> Result<Self, TableError> {
         refuse_foreign(path)?;
         let open = |source| TableError::Open { path: path.to_owned(), source };
         match Form::of(path) {
@@ -58,7 +58,7 @@ impl Source {
     ///
     /// # Errors
     /// As [`Source::of_file`].
-    pub fn of_bytes(path: &Path, bytes: Vec<u8>, said: &TableLayout) -> Result<Self, TableError> {
+    pub(crate) fn of_bytes(path: &Path, bytes: Vec<u8>, said: &TableLayout) -> Result<Self, TableError> {
         let contents = |reason| TableError::Contents { path: path.to_owned(), reason };
         match Form::of(path) {
             Form::Text => {

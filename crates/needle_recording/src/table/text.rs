@@ -25,7 +25,7 @@ pub(super) struct Text {
 
 impl Text {
     /// The text of a file. What can't be read twice, as a pipe, is read into memory.
-    pub fn of_file(path: &Path) -> io::Result<Self> {
+    pub(crate) fn of_file(path: &Path) -> io::Result<Self> {
         let mut file = File::open(path)?;
         if !file.metadata()?.is_file() {
             let mut bytes = Vec::new();
@@ -38,7 +38,7 @@ impl Text {
     }
 
     /// The text of what a file holds.
-    pub fn of_bytes(bytes: Vec<u8>) -> io::Result<Self> {
+    pub(crate) fn of_bytes(bytes: Vec<u8>) -> io::Result<Self> {
         let (encoding, mark) = encoding::of(&mut &bytes[..])?;
         let mut source = Cursor::new(bytes);
         source.set_position(mark as u64);
@@ -46,7 +46,7 @@ impl Text {
     }
 
     /// A text that is made here as it is read, UTF-8.
-    pub fn made(source: impl Read + 'static) -> Self {
+    pub(crate) fn made(source: impl Read + 'static) -> Self {
         Self::new(Box::new(source), UTF_8)
     }
 
@@ -69,7 +69,7 @@ impl Text {
     }
 
     /// The text from here on, so many lines of it at least, or all that is left.
-    pub fn head(&mut self, lines: usize) -> io::Result<&str> {
+    pub(crate) fn head(&mut self, lines: usize) -> io::Result<&str> {
         let (mut from, mut seen) = (0, 0);
         loop {
             seen += self.text[from..].bytes().filter(|byte| *byte == b'\n').count();
@@ -82,12 +82,12 @@ impl Text {
     }
 
     /// Goes on by so many bytes of what [`Text::head`] showed.
-    pub fn skip(&mut self, bytes: usize) {
+    pub(crate) fn skip(&mut self, bytes: usize) {
         self.text.drain(..bytes);
     }
 
     /// The next lines, each whole; `None` at the end.
-    pub fn take(&mut self) -> io::Result<Option<String>> {
+    pub(crate) fn take(&mut self) -> io::Result<Option<String>> {
         let mut from = 0;
         let end = loop {
             match self.text[from..].rfind('\n') {
@@ -105,7 +105,7 @@ impl Text {
     }
 
     /// Lines that come next, though they were taken already.
-    pub fn put_back(&mut self, mut lines: String) {
+    pub(crate) fn put_back(&mut self, mut lines: String) {
         lines.push_str(&self.text);
         self.text = lines;
     }

@@ -135,7 +135,7 @@ impl RigRecording {
     ///
     /// # Errors
     /// [`BagError::OutOfRange`] with the value's name and range.
-    pub fn check(&self) -> Result<(), BagError> {
+    pub(crate) fn check(&self) -> Result<(), BagError> {
         let within = |what: &'static str, value: f64, least: f64, most: f64, why: &str| {
             if value >= least && value <= most {
                 return Ok(());

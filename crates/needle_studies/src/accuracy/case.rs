@@ -98,7 +98,7 @@ impl Case {
     /// # Errors
     /// [`StudyError::NoCloud`] for a scene whose cloud is read from a file, [`StudyError::NoMotion`] for one without
     /// motion.
-    pub fn of(scene: &Scene) -> Result<Self, StudyError> {
+    pub(crate) fn of(scene: &Scene) -> Result<Self, StudyError> {
         let d = &scene.discretisation;
         let grading = scene.grading().ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
@@ -126,14 +126,14 @@ impl Case {
 
     /// The same with coarse surroundings and narrow supports, in three dimensions.
     #[must_use]
-    pub fn with_coarse_surroundings(&self) -> Self {
+    pub(crate) fn with_coarse_surroundings(&self) -> Self {
         let points_per_support_node = self.points_per_support_node.max(SHARING);
         Self { growth: GROWTH, support_factor: SUPPORT, path_rings: RINGS, points_per_support_node, ..self.clone() }
     }
 
     /// The same in another dimension, with the scene's supports and volume ratio for it.
     #[must_use]
-    pub fn in_dimension(&self, scene: &Scene, dimension: Dimension) -> Self {
+    pub(crate) fn in_dimension(&self, scene: &Scene, dimension: Dimension) -> Self {
         let support_factor = scene.support_factor_in(dimension);
         let volume_ratio = scene.volume_ratio_in(dimension).as_str().to_owned();
         Self { dimension: dimension.as_str().to_owned(), support_factor, volume_ratio, ..self.clone() }
@@ -142,14 +142,14 @@ impl Case {
     /// The same with all spacings multiplied by a factor. The spacing of a needle's path is limited to what the
     /// needle needs.
     #[must_use]
-    pub fn spaced(&self, scene: &Scene, factor: f64) -> Self {
+    pub(crate) fn spaced(&self, scene: &Scene, factor: f64) -> Self {
         let edge = (factor * self.edge_spacing_m).min(self.coarsest_edge(scene));
         Self { spacing_m: rounded(factor * self.spacing_m), edge_spacing_m: rounded(edge), ..self.clone() }
     }
 
     /// The same with only the spacing at the edge or along the path multiplied by a factor.
     #[must_use]
-    pub fn spaced_at_edge(&self, scene: &Scene, factor: f64) -> Self {
+    pub(crate) fn spaced_at_edge(&self, scene: &Scene, factor: f64) -> Self {
         let edge = factor * self.edge_spacing_m.min(self.coarsest_edge(scene));
         Self { edge_spacing_m: rounded(edge), ..self.clone() }
     }
@@ -165,7 +165,7 @@ impl Case {
 
     /// The scene keys that define the case.
     #[must_use]
-    pub fn keys(&self) -> Vec<(&'static str, String)> {
+    pub(crate) fn keys(&self) -> Vec<(&'static str, String)> {
         let refinement = (self.edge_spacing_m / self.spacing_m).clamp(0.01, 1.0);
         let mut keys = vec![
             ("discretisation.method", self.method.clone()),
@@ -203,7 +203,7 @@ impl Case {
     ///
     /// # Errors
     /// [`StudyError::Scene`] if the scene does not accept the keys.
-    pub fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
+    pub(crate) fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
         let keys: Vec<_> = self.keys().iter().map(|(path, value)| Override::text(path, value, "study")).collect();
         // a correction belongs to the scene's own cloud
         let plain = Scene { correction: None, ..scene.clone() };
@@ -249,13 +249,13 @@ impl Case {
 
     /// Least number, of eight neighbouring points, that must share a support node; 1 for linear tetrahedra, which have no supports.
     #[must_use]
-    pub fn sharing(&self) -> u32 {
+    pub(crate) fn sharing(&self) -> u32 {
         if self.method == Method::Tet4.as_str() { 1 } else { self.points_per_support_node }
     }
 
     /// Description of the integration points: `1 point per cell`, `1 point per 2 cells`.
     #[must_use]
-    pub fn integration(&self) -> String {
+    pub(crate) fn integration(&self) -> String {
         if self.has_hexahedra() {
             let plural = if self.points_per_hexahedron == 1 { "" } else { "s" };
             return format!("{} point{plural} per hexahedron", self.points_per_hexahedron);

@@ -56,7 +56,7 @@ pub(crate) struct Watched<'a> {
 
 impl<'a> Watched<'a> {
     /// A run to its end.
-    pub fn whole(progress: &'a Progress) -> Self {
+    pub(crate) fn whole(progress: &'a Progress) -> Self {
         Self { progress, useless: &|_| None }
     }
 }

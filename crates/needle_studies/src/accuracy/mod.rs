@@ -15,9 +15,9 @@ mod row;
 mod table;
 
 pub use case::{Case, Steps};
-pub use order::{observed_order, orders, refined};
+pub use order::{orders, refined};
 pub use pareto::front;
-pub use plan::{Extent, named, plan, source_paper, work};
+pub use plan::{Extent, named, plan, work};
 pub use record::csv;
 pub use row::{Row, heading, largest_error};
 pub use table::{Table, merge, read};

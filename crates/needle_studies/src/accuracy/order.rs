@@ -7,7 +7,10 @@ use super::{Case, Row, Steps};
 /// Observed order q of an error in the mean distance of nodes h = (V / nodes)^(1/3): the slope of the least-squares
 /// line through log(error) over log(h). `None` for fewer than two rows, or if an error is missing or zero.
 #[must_use]
-pub fn observed_order<'a>(rows: impl Iterator<Item = &'a Row>, error: impl Fn(&Row) -> Option<f64>) -> Option<f64> {
+pub(crate) fn observed_order<'a>(
+    rows: impl Iterator<Item = &'a Row>,
+    error: impl Fn(&Row) -> Option<f64>,
+) -> Option<f64> {
     let mut points = Vec::new();
     for row in rows {
         let e = error(row).filter(|e| *e > 0.0)?;

@@ -116,7 +116,7 @@ pub fn plan(scene: &Scene, extent: Extent) -> Result<Vec<Case>, StudyError> {
 }
 
 /// Cases with names, which readers look for first: the scene as it is, the same in three dimensions, and
-/// [`source_paper`].
+/// `source_paper`.
 ///
 /// # Errors
 /// As [`plan`].
@@ -135,7 +135,7 @@ pub fn named(scene: &Scene) -> Result<Vec<(Case, &'static str)>, StudyError> {
 ///
 /// # Errors
 /// As [`plan`].
-pub fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
+pub(crate) fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
     let mut case = Case::of(scene)?;
     Method::Mmls.as_str().clone_into(&mut case.method);
     "pointwise".clone_into(&mut case.volume_ratio);

@@ -30,7 +30,7 @@ pub struct Row {
     /// that depth.
     pub displacement_error: Option<f64>,
     /// The same during the motion, over the point's largest displacement, if the reference solution contains it
-    /// ([`super::super::reference_solution::ReferenceSolution::way_error`]).
+    /// (`reference_solution::ReferenceSolution::way_error`).
     pub way_error: Option<f64>,
     /// Smallest volume ratio during the run.
     pub min_jacobian: f64,
@@ -150,7 +150,7 @@ pub(super) mod tests {
     use needle_core::scene::Scene;
 
     /// A row of the compression with an error at its last depth.
-    pub fn row(nodes: usize, error: f64) -> Row {
+    pub(crate) fn row(nodes: usize, error: f64) -> Row {
         let scene = Scene::preset("compression").unwrap();
         Row {
             scene: scene.name.clone(),

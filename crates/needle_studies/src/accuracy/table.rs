@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::record;
-use super::{Case, Row, StudyError};
+use super::{Row, StudyError};
 
 /// A table to which rows are appended.
 #[derive(Debug)]
@@ -35,12 +35,6 @@ impl Table {
         };
         let file = write().map_err(|e| unwritable(path, &e))?;
         Ok(Self { file, path: path.to_owned(), rows })
-    }
-
-    /// Whether the row of a case exists.
-    #[must_use]
-    pub fn has(&self, scene: &str, case: &Case) -> bool {
-        self.rows.iter().any(|row| row.is_of(scene, case))
     }
 
     /// Appends a row.

@@ -5,7 +5,7 @@
 //! run. If a folder is given, the results are stored there. So parts of a study can run on different machines, and an
 //! interrupted study continues.
 
-pub mod sobol;
+pub(crate) mod sobol;
 
 use std::io;
 use std::path::Path;
@@ -78,7 +78,7 @@ pub fn members(scene: &Scene, points: usize, seed: u64) -> Result<Vec<Member>, E
 }
 
 /// Results of a member: peak force, N, then each target's displacement, m; empty if its run did not complete.
-pub type Figures = Vec<f64>;
+pub(crate) type Figures = Vec<f64>;
 
 /// Folder of the stored results.
 const FOLDER: &str = "members";

@@ -21,7 +21,7 @@ const FEWEST: usize = 4;
 
 /// An estimate with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     /// Value of the index.
     pub value: f64,
     /// Standard error from resampling the points; an upper bound, since low-discrepancy points are more accurate.
@@ -30,7 +30,7 @@ pub struct Estimate {
 
 /// Results for a design.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Indices {
+pub(crate) struct Indices {
     /// Mean over A and B.
     pub mean: f64,
     /// Variance over A and B.
@@ -43,7 +43,7 @@ pub struct Indices {
 
 /// Rows of A, then those of B, then those of A_B^i for each of the `keys` inputs; each row has its coordinates in (0, 1).
 #[must_use]
-pub fn design(keys: usize, points: usize, seed: u64) -> Vec<Vec<f64>> {
+pub(crate) fn design(keys: usize, points: usize, seed: u64) -> Vec<Vec<f64>> {
     let half = |j: usize, from: usize| -> Vec<f64> { (0..keys).map(|i| coordinate(j, from + i, seed)).collect() };
     let rows = |from: usize| (0..points).map(move |j| half(j, from));
     let mixed = (0..keys).flat_map(|i| {
@@ -59,7 +59,7 @@ pub fn design(keys: usize, points: usize, seed: u64) -> Vec<Vec<f64>> {
 /// Indices from the values at a design. `blocks` has those of A, of B, and of each A_B^i, in equal numbers; `None`
 /// for fewer than four.
 #[must_use]
-pub fn indices(blocks: &[Vec<f64>]) -> Option<Indices> {
+pub(crate) fn indices(blocks: &[Vec<f64>]) -> Option<Indices> {
     let points = blocks.first()?.len();
     let keys = blocks.len().checked_sub(2)?;
     if points < FEWEST {

@@ -29,13 +29,13 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    pub fn new(plan: &Plan, session: String, uplink: &Arc<Uplink>) -> Self {
+    pub(crate) fn new(plan: &Plan, session: String, uplink: &Arc<Uplink>) -> Self {
         let records = (0..).zip(&plan.endpoints).filter_map(|(number, endpoint)| record(number, endpoint)).collect();
         Self { session, records: Mutex::new(records), warned: Mutex::default(), uplink: Arc::clone(uplink) }
     }
 
     /// Somebody has come.
-    pub fn come(&self, token: &str) {
+    pub(crate) fn come(&self, token: &str) {
         let Some(remote) = seen(token).filter(|remote| remote.session != self.session) else { return };
         let side = match &*remote.kind {
             "MP" => Side::Publisher,
@@ -55,7 +55,7 @@ impl Graph {
     }
 
     /// Somebody has gone.
-    pub fn go(&self, token: &str) {
+    pub(crate) fn go(&self, token: &str) {
         for record in self.records.lock().unwrap_or_else(PoisonError::into_inner).iter_mut() {
             if record.remotes.remove(token) {
                 self.count(record);

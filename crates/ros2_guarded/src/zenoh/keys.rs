@@ -42,17 +42,17 @@ pub(super) struct Keys<'a> {
 }
 
 impl<'a> Keys<'a> {
-    pub fn new(plan: &'a Plan, session: String) -> Self {
+    pub(crate) fn new(plan: &'a Plan, session: String) -> Self {
         Self { plan, session }
     }
 
     /// Token of the node itself.
-    pub fn node(&self) -> String {
+    pub(crate) fn node(&self) -> String {
         self.token(0, "NN")
     }
 
     /// Token of an endpoint; entity 0 is the node.
-    pub fn endpoint(&self, number: u16, endpoint: &Endpoint) -> String {
+    pub(crate) fn endpoint(&self, number: u16, endpoint: &Endpoint) -> String {
         let profile = QosProfile::from(endpoint.quality);
         let (name, qos) = (mangled(&endpoint.name), quality(&profile));
         let own = self.token(u32::from(number) + 1, kind(endpoint.role));
@@ -60,13 +60,13 @@ impl<'a> Keys<'a> {
     }
 
     /// What is published, subscribed to or called.
-    pub fn data(&self, endpoint: &Endpoint) -> String {
+    pub(crate) fn data(&self, endpoint: &Endpoint) -> String {
         let name = endpoint.name.trim_matches('/');
         format!("{}/{name}/{}/{}", self.plan.domain, dds_type(endpoint), hash(endpoint))
     }
 
     /// All tokens of the domain.
-    pub fn graph(&self) -> String {
+    pub(crate) fn graph(&self) -> String {
         format!("{SPACE}/{}/**", self.plan.domain)
     }
 
@@ -148,7 +148,7 @@ pub(super) struct Extra {
 }
 
 impl Extra {
-    pub fn bytes(&self) -> [u8; EXTRA] {
+    pub(crate) fn bytes(&self) -> [u8; EXTRA] {
         let mut bytes = [0; EXTRA];
         bytes[..8].copy_from_slice(&self.number.to_le_bytes());
         bytes[8..16].copy_from_slice(&self.sent.to_le_bytes());
@@ -157,7 +157,7 @@ impl Extra {
         bytes
     }
 
-    pub fn read(bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; EXTRA] = bytes.try_into().ok()?;
         let eight = |from: usize| bytes.get(from..from + 8).and_then(|b| b.try_into().ok()).map(i64::from_le_bytes);
         let gid = (bytes[16] == 16).then(|| bytes.last_chunk().copied()).flatten()?;

@@ -27,9 +27,9 @@ use self::services::{Caller, Served};
 use self::topics::{Writer, subscribe};
 use crate::frames::Frames;
 use crate::session::ZenohSession;
-use crate::threads::{join, spawn};
 use crate::uplink::Uplink;
 use crate::wire::{Endpoint, Head, Kind, Plan, Role, UNSTAMPED, is_over, times_of, wall_nanos};
+use named_threads::{join, spawn};
 
 /// Time between two signs of life.
 const PULSE: Duration = Duration::from_millis(200);

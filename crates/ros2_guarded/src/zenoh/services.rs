@@ -27,7 +27,7 @@ impl Served {
     ///
     /// # Errors
     /// What Zenoh says.
-    pub fn new(number: u16, key: &str, session: &Session, uplink: &Arc<Uplink>) -> zenoh::Result<Self> {
+    pub(crate) fn new(number: u16, key: &str, session: &Session, uplink: &Arc<Uplink>) -> zenoh::Result<Self> {
         let waiting = Waiting::default();
         let (asked, uplink) = (Arc::clone(&waiting), Arc::clone(uplink));
         let take = move |query: Query| {
@@ -48,7 +48,7 @@ impl Served {
     }
 
     /// Sends an answer; false if nobody waits for it any more.
-    pub fn answer(&self, id: &Stamp, body: &[u8]) -> bool {
+    pub(crate) fn answer(&self, id: &Stamp, body: &[u8]) -> bool {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let query = waiting.iter().position(|(asked, _)| asked == id).and_then(|at| waiting.remove(at));
         drop(waiting);
@@ -69,12 +69,12 @@ pub(super) struct Caller {
 }
 
 impl Caller {
-    pub fn new(number: u16, key: String, token: &str) -> Self {
+    pub(crate) fn new(number: u16, key: String, token: &str) -> Self {
         Self { number, key, gid: gid(token), calls: AtomicI64::new(0) }
     }
 
     /// Calls; the answer goes to the node.
-    pub fn call(&self, body: &[u8], session: &Session, uplink: &Arc<Uplink>) -> bool {
+    pub(crate) fn call(&self, body: &[u8], session: &Session, uplink: &Arc<Uplink>) -> bool {
         let number = self.calls.fetch_add(1, Ordering::Relaxed) + 1;
         let extra = Extra { number, sent: wall_nanos(), gid: self.gid };
         let (own, uplink) = (self.number, Arc::clone(uplink));

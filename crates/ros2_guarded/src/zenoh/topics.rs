@@ -40,7 +40,13 @@ impl Writer {
     ///
     /// # Errors
     /// What Zenoh says.
-    pub fn new(number: u16, key: &str, token: &str, session: &Session, profile: &QosProfile) -> zenoh::Result<Self> {
+    pub(crate) fn new(
+        number: u16,
+        key: &str,
+        token: &str,
+        session: &Session,
+        profile: &QosProfile,
+    ) -> zenoh::Result<Self> {
         let all = profile.history == History::KeepAll && matches!(profile.reliability, Reliability::Reliable { .. });
         let congestion = if all { CongestionControl::Block } else { CongestionControl::Drop };
         // Not gathered with later ones: a force is of use at once.
@@ -55,7 +61,7 @@ impl Writer {
     }
 
     /// Publishes; false if Zenoh refuses.
-    pub fn publish(&self, body: &[u8]) -> bool {
+    pub(crate) fn publish(&self, body: &[u8]) -> bool {
         let number = self.said.fetch_add(1, Ordering::Relaxed) + 1;
         let extra = Extra { number, sent: wall_nanos(), gid: self.gid }.bytes();
         let payload = encapsulated(body);

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ros2_guarded::threads::{join, spawn};
+use named_threads::{join, spawn};
 
 use ros2_client::parameters::{ParameterValue, raw};
 use ros2_client::rcl_interfaces::{SetParametersRequest, SetParametersResponse};
@@ -94,7 +94,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Cable {
     /// Joins the domain. `simulated`: makes the time as well.
-    pub fn start(domain: u16, simulated: bool) -> Result<Self, NodeError> {
+    pub(crate) fn start(domain: u16, simulated: bool) -> Result<Self, NodeError> {
         let of_loopback = |name: &str| match name {
             "ROS_DOMAIN_ID" => Some(domain.to_string()),
             "ROS_LOCALHOST_ONLY" => Some("1".to_owned()),
@@ -120,32 +120,32 @@ impl Cable {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    pub fn heard(&self) -> MutexGuard<'_, Heard> {
+    pub(crate) fn heard(&self) -> MutexGuard<'_, Heard> {
         locked(&self.shared.heard)
     }
 
     /// Spoils a stream from now on; `None`: all is well again.
-    pub fn spoil(&self, fault: Option<(Stream, Fault)>) {
+    pub(crate) fn spoil(&self, fault: Option<(Stream, Fault)>) {
         *locked(&self.shared.fault) = fault;
     }
 
     /// Calls `/twin/tare`.
-    pub fn tare(&self) {
+    pub(crate) fn tare(&self) {
         self.shared.tare.store(true, Ordering::Relaxed);
     }
 
     /// Calls `set_parameters` of a node.
-    pub fn set(&self, setting: Setting) {
+    pub(crate) fn set(&self, setting: Setting) {
         *locked(&self.shared.set) = Some(setting);
     }
 
     /// Calls `/guard/resume`.
-    pub fn resume(&self) {
+    pub(crate) fn resume(&self) {
         self.shared.resume.store(true, Ordering::Relaxed);
     }
 
     /// Depth and velocity of the needle, m and m/s.
-    pub fn needle(&self) -> (f64, f64) {
+    pub(crate) fn needle(&self) -> (f64, f64) {
         self.heard().motion.last().map_or((0.0, 0.0), |m| (m.1, m.2))
     }
 }

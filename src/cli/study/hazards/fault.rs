@@ -43,7 +43,7 @@ pub(super) enum Fault {
 }
 
 impl Fault {
-    pub const fn words(self) -> &'static str {
+    pub(crate) const fn words(self) -> &'static str {
         match self {
             Self::Silent => "silent",
             Self::Frozen => "frozen",
@@ -63,7 +63,7 @@ impl Fault {
     }
 
     /// How long each message is held, ns.
-    pub const fn delay_nanos(self) -> i64 {
+    pub(crate) const fn delay_nanos(self) -> i64 {
         if matches!(self, Self::Late) { OFF_NANOS } else { 0 }
     }
 

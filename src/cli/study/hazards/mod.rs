@@ -614,7 +614,7 @@ impl Drop for Load {
 }
 
 impl Hazards {
-    pub fn run(&self) -> Result<Outcome, CliError> {
+    pub(crate) fn run(&self) -> Result<Outcome, CliError> {
         let folder = OutputFolder::prepare(&self.out)?;
         let _load = Load::start(self.load);
         let wanted = self.only.as_deref().unwrap_or_default();

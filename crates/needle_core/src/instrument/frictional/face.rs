@@ -30,7 +30,7 @@ impl Shaft {
 
     /// Points that stand for the same share each of a tip's face at a layer; with an axis of `symmetry`, on a radius.
     #[must_use]
-    pub fn face(&self, axis: &Axis, top: f64, symmetry: bool) -> Vec<[f64; 3]> {
+    pub(crate) fn face(&self, axis: &Axis, top: f64, symmetry: bool) -> Vec<[f64; 3]> {
         let secant = axis.secant();
         let depth = self.depths[self.faced()] / secant;
         let [x, y] = axis.at(depth);
@@ -50,7 +50,7 @@ impl Shaft {
 
     /// With the shares a_i, from phi_j at all points of the face.
     #[must_use]
-    pub fn with_face(mut self, phi: &[(u32, f64)]) -> Self {
+    pub(crate) fn with_face(mut self, phi: &[(u32, f64)]) -> Self {
         let most = self.rings.iter().map(Vec::len).max().unwrap_or(1);
         // of a layer with fewer rings the nearest of the end's
         let of_end = |sizes: &Vec<usize>, i: usize| (i * (most - 1) + (sizes.len() - 1) / 2) / (sizes.len() - 1);

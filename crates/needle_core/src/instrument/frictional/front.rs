@@ -47,7 +47,7 @@ impl Frictional {
 
     /// Whether the membrane that the front is at breaks: force of the tissue on the needle as near to rest as it comes at this pose, and
     /// friction of the whole shaft, N.
-    pub fn breaks(&mut self, force: &[f64; 3], friction: f64) -> bool {
+    pub(crate) fn breaks(&mut self, force: &[f64; 3], friction: f64) -> bool {
         let push = -(0..3).map(|k| force[k] * self.shaft.axis[k]).sum::<f64>() - friction;
         let broken = self.membrane().is_some_and(|layer| self.is_at(layer) && push >= self.shaft.under[layer].puncture);
         if broken && self.progress.released.is_none() {
@@ -128,7 +128,7 @@ impl Frictional {
 
     /// Whether the tissue springs back along the needle, with a residual force of so many N and so much kinetic over strain energy: then
     /// the pose is worth further steps. Forces alone balance in the middle of a swing, too.
-    pub fn springs_back(&mut self, solver: &Solver, residual: f64, energies: f64) -> bool {
+    pub(crate) fn springs_back(&mut self, solver: &Solver, residual: f64, energies: f64) -> bool {
         let runs = solver.cut() - self.progress.front > RUNS * self.shaft.radius;
         self.progress.released = self
             .progress

@@ -19,7 +19,9 @@ mod front;
 mod hold;
 mod shaft;
 
-pub use shaft::{Resistance, Shaft, start_and_slow};
+pub use shaft::Resistance;
+pub use shaft::Shaft;
+pub(crate) use shaft::start_and_slow;
 
 use super::puncture::is_withdrawn;
 use super::{Event, Phase, Tip};
@@ -42,7 +44,7 @@ const LAG: f64 = 1.0;
 
 /// A needle and what it holds.
 #[derive(Clone, Debug)]
-pub struct Frictional {
+pub(crate) struct Frictional {
     shaft: Shaft,
     /// Integration points in cells of the path, by the deepest layer of their corners.
     inner: Vec<Vec<u32>>,
@@ -93,7 +95,7 @@ impl Frictional {
     /// A needle along a shaft of layers. `[start, slow]`: depth at which it is in place at first, m, and speed up to which cutting takes
     /// the same force, m/s; `cells`: corners and volume of each integration point's cell.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         shaft: Shaft,
         [start, slow]: [f64; 2],
         length: f64,
@@ -136,7 +138,13 @@ impl Frictional {
 
     /// The same needle with the coefficients of a scene: `region` of a point on its axis, which meets the body's top at a height, m.
     #[must_use]
-    pub fn in_tissue(self, scene: &Scene, instrument: &Instrument, top: f64, region: impl Fn([f64; 3]) -> u8) -> Self {
+    pub(crate) fn in_tissue(
+        self,
+        scene: &Scene,
+        instrument: &Instrument,
+        top: f64,
+        region: impl Fn([f64; 3]) -> u8,
+    ) -> Self {
         let InstrumentKind::Needle(needle) = &instrument.kind else { return self };
         let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: needle.slope() };
         let [start, slow] = start_and_slow(scene);
@@ -145,25 +153,25 @@ impl Frictional {
 
     /// As [`super::NeedlePath::effective_radius`].
     #[must_use]
-    pub fn effective_radius(&self) -> f64 {
+    pub(crate) fn effective_radius(&self) -> f64 {
         self.effective_radius
     }
 
     /// Deepest point of the insertion, m; `None` before the surface is punctured.
     #[must_use]
-    pub fn deepest(&self) -> Option<f64> {
+    pub(crate) fn deepest(&self) -> Option<f64> {
         self.progress.entered.map(|_| self.progress.deepest)
     }
 
     /// Depth of the material to which the needle has cut, m.
     #[must_use]
-    pub fn front(&self) -> f64 {
+    pub(crate) fn front(&self) -> f64 {
         self.progress.front
     }
 
     /// Where material that lay at a depth is now, m: as the tissue around the needle has gone.
     #[must_use]
-    pub fn deformed(&self, depth: f64, solver: &Solver) -> f64 {
+    pub(crate) fn deformed(&self, depth: f64, solver: &Solver) -> f64 {
         let (layer, share) = self.shaft.place(depth);
         depth + (1.0 - share) * solver.of_layer(layer) + share * solver.of_layer(layer + 1)
     }
@@ -171,7 +179,7 @@ impl Frictional {
     /// Deformation coefficient: way of the tissue along the shaft over that of the needle since its tip came to it, mean over the
     /// shaft's length by the needle's way. `None` while the needle is not going in.
     #[must_use]
-    pub fn deformation_coefficient(&self, solver: &Solver) -> Option<f64> {
+    pub(crate) fn deformation_coefficient(&self, solver: &Solver) -> Option<f64> {
         let p = &self.progress;
         p.entered.filter(|_| !p.withdrawn)?;
         let (mut tissue, mut needle) = (0.0, 0.0);
@@ -185,7 +193,7 @@ impl Frictional {
 
     /// Region that the tip is in, as [`Resistance::region`]; `None` before the puncture.
     #[must_use]
-    pub fn region(&self) -> Option<u8> {
+    pub(crate) fn region(&self) -> Option<u8> {
         self.progress.entered?;
         let (layer, _) = self.shaft.place(self.progress.tip);
         Some(self.shaft.under[layer].region)
@@ -193,26 +201,26 @@ impl Frictional {
 
     /// R, m.
     #[must_use]
-    pub fn radius(&self) -> f64 {
+    pub(crate) fn radius(&self) -> f64 {
         self.shaft.radius
     }
 
     /// Distance between layers of nodes, m.
     #[must_use]
-    pub fn layer(&self) -> f64 {
+    pub(crate) fn layer(&self) -> f64 {
         self.shaft.depths[1] - self.shaft.depths[0]
     }
 
     /// The model with this needle's rod.
     #[must_use]
-    pub fn rod(&self, model: Model) -> Model {
+    pub(crate) fn rod(&self, model: Model) -> Model {
         let Shaft { nodes, rings, areas, axis, radius, .. } = &self.shaft;
         model.with_rod(*axis, nodes.clone(), rings, areas.clone(), FLATTENING * radius)
     }
 
     /// Whether the needle comes into a region at a depth of the material in m, or doesn't come so deep at all.
     #[must_use]
-    pub fn meets(&self, depth: f64, region: u8) -> bool {
+    pub(crate) fn meets(&self, depth: f64, region: u8) -> bool {
         let Shaft { depths, under, .. } = &self.shaft;
         let begins = |k: usize| under[k].region == region && (k == 0 || under[k - 1].region != region);
         let near = |k: usize| (depths[k] - depth).abs() <= self.layer();
@@ -221,12 +229,12 @@ impl Frictional {
 
     /// Depth at which the needle is in place at first, m.
     #[must_use]
-    pub fn start(&self) -> f64 {
+    pub(crate) fn start(&self) -> f64 {
         self.start
     }
 
     /// Puts a needle that starts in the tissue there, with the tissue at rest.
-    pub fn place(&mut self, solver: &mut Solver) {
+    pub(crate) fn place(&mut self, solver: &mut Solver) {
         if self.start <= 0.0 {
             return;
         }
@@ -245,7 +253,7 @@ impl Frictional {
     }
 
     /// Says how long the next moves take, each, in s: `None` where that is not known, which counts as slow.
-    pub fn elapse(&mut self, each_s: Option<f64>) {
+    pub(crate) fn elapse(&mut self, each_s: Option<f64>) {
         self.progress.elapsed = each_s.filter(|t| *t > 0.0).unwrap_or(f64::INFINITY);
     }
 

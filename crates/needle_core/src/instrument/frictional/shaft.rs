@@ -25,7 +25,7 @@ pub struct Resistance {
 impl Resistance {
     /// Of the scene's region by number (0: none).
     #[must_use]
-    pub fn of(scene: &Scene, region: u8, diameter: f64) -> Self {
+    pub(crate) fn of(scene: &Scene, region: u8, diameter: f64) -> Self {
         let named = |r: &Region| scene.materials.iter().find(|m| m.name == r.material);
         match region.checked_sub(1).and_then(|i| scene.regions.get(usize::from(i))).and_then(named) {
             Some(NamedMaterial { material, pierced, .. }) => Self {
@@ -80,7 +80,7 @@ pub struct Shaft {
     pub rings: Vec<Vec<usize>>,
     /// Place of each layer's first node, and the number of nodes.
     first: Vec<usize>,
-    /// Share of each ring of the layer with most of them in the push of the tip's face ([`Shaft::with_face`]).
+    /// Share of each ring of the layer with most of them in the push of the tip's face (`Shaft::with_face`).
     pub areas: Vec<f64>,
     /// What lies under each layer.
     pub under: Vec<Resistance>,
@@ -100,7 +100,7 @@ impl Shaft {
     /// in layers that
     /// of rings. `spacing`: least distance between layers, m.
     #[must_use]
-    pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
+    pub(crate) fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1));
         let layers: Vec<Vec<(u32, f64, f64)>> = nodes
             .chunk_by(|a, b| b.1 - a.1 < SAME * spacing)
@@ -134,7 +134,7 @@ impl Shaft {
 
     /// Along an axis that meets the body's top at a height, m, through nodes at these places, m.
     #[must_use]
-    pub fn along(mut self, axis: &Axis, top: f64, points: &[[f64; 3]]) -> Self {
+    pub(crate) fn along(mut self, axis: &Axis, top: f64, points: &[[f64; 3]]) -> Self {
         let secant = axis.secant();
         self.axis = [axis.slope[0], axis.slope[1], -1.0].map(|x| x / secant);
         self.outward = self.nodes.iter().map(|&n| axis.outward(top, points[n as usize])).collect();
@@ -143,7 +143,7 @@ impl Shaft {
 
     /// With what lies under each layer for a needle along an axis: `region` of a point there.
     #[must_use]
-    pub fn in_tissue(
+    pub(crate) fn in_tissue(
         mut self,
         scene: &Scene,
         needle: &Needle,
@@ -165,7 +165,7 @@ impl Shaft {
 
     /// Layer at or above a depth, and how far the depth is from there to the next one.
     #[must_use]
-    pub fn place(&self, depth: f64) -> (usize, f64) {
+    pub(crate) fn place(&self, depth: f64) -> (usize, f64) {
         let near = 1e-6 * self.radius;
         let k = self.depths.partition_point(|z| *z <= depth + near).clamp(1, self.depths.len() - 1) - 1;
         let share = (depth - self.depths[k]) / (self.depths[k + 1] - self.depths[k]);
@@ -183,7 +183,7 @@ impl Shaft {
     /// next one, at that length by a fifth of that; else the front goes on in leaps. Above the first layer there is none: the first one
     /// yields for it.
     #[must_use]
-    pub fn spread(&self, depth: f64) -> (usize, [f64; 3]) {
+    pub(crate) fn spread(&self, depth: f64) -> (usize, [f64; 3]) {
         let (above, share) = self.place(depth);
         let nearest = (above + usize::from(share > 0.5)).min(self.depths.len() - 2);
         let z = self.depths[nearest];
@@ -213,7 +213,7 @@ impl Shaft {
     /// What a layer has of the length of shaft from the surface to a depth, m, weighted by `of` what lies there: the integral of the
     /// layer's linear function.
     #[must_use]
-    pub fn share(&self, layer: usize, to: f64, of: impl Fn(&Resistance) -> f64) -> f64 {
+    pub(crate) fn share(&self, layer: usize, to: f64, of: impl Fn(&Resistance) -> f64) -> f64 {
         let z = &self.depths;
         let mut sum = 0.0;
         if layer > 0 {
@@ -230,24 +230,24 @@ impl Shaft {
     }
 
     /// Places of the nodes of a layer.
-    pub fn layer(&self, layer: usize) -> std::ops::Range<usize> {
+    pub(crate) fn layer(&self, layer: usize) -> std::ops::Range<usize> {
         self.first[layer]..self.first[layer + 1]
     }
 
     /// Layer of a place.
-    pub fn layer_of(&self, place: usize) -> usize {
+    pub(crate) fn layer_of(&self, place: usize) -> usize {
         self.first.partition_point(|first| *first <= place) - 1
     }
 
     /// Places of the nodes of a layer's outermost ring.
-    pub fn wall(&self, layer: usize) -> std::ops::Range<usize> {
+    pub(crate) fn wall(&self, layer: usize) -> std::ops::Range<usize> {
         let end = self.first[layer + 1];
         end - self.rings[layer].last().copied().unwrap_or(0)..end
     }
 
     /// The first layer below a depth under which another region begins.
     #[must_use]
-    pub fn boundary_below(&self, depth: f64) -> Option<usize> {
+    pub(crate) fn boundary_below(&self, depth: f64) -> Option<usize> {
         let near = 1e-6 * self.radius;
         (1..self.depths.len())
             .find(|&k| self.depths[k] > depth + near && self.under[k].region != self.under[k - 1].region)
@@ -256,7 +256,7 @@ impl Shaft {
 
 /// Depth of the needle's start along its axis, m, and the speed up to which cutting takes the same force, m/s.
 #[must_use]
-pub fn start_and_slow(scene: &Scene) -> [f64; 2] {
+pub(crate) fn start_and_slow(scene: &Scene) -> [f64; 2] {
     let slow = match scene.instrument.map(|i| i.interaction) {
         Some(Interaction::Frictional { cutting_rate_reference, .. }) => cutting_rate_reference.get(),
         _ => f64::INFINITY,

@@ -42,7 +42,7 @@ pub(super) struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    pub fn new(path: &'a ForcePath, rows: &Rows, beside: &'a [Beside], most: usize) -> Self {
+    pub(crate) fn new(path: &'a ForcePath, rows: &Rows, beside: &'a [Beside], most: usize) -> Self {
         let step = rows.len().div_ceil(most).max(1);
         let every = |v: &[f64]| v.iter().copied().step_by(step).collect();
         let free = LINEAR - rows.known.min(LINEAR - 1);
@@ -69,7 +69,7 @@ impl<'a> Problem<'a> {
 
     /// Factor, zero and drift for given shifts, and the mean square residual per reading. Readings that the shifted
     /// run does not cover are left out.
-    pub fn linear(&self, at: [f64; 2]) -> Option<([f64; LINEAR], f64)> {
+    pub(crate) fn linear(&self, at: [f64; 2]) -> Option<([f64; LINEAR], f64)> {
         let (mut n, mut y, mut squares, mut count) = ([[0.0; LINEAR]; LINEAR], [0.0; LINEAR], 0.0, 0.0);
         let start = self.time_s[0];
         for i in (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])) {
@@ -100,7 +100,7 @@ impl<'a> Problem<'a> {
 
     /// The shifts of the grid with the smallest residual. If the clock offset is given, s, only the contact is
     /// varied.
-    pub fn grid(&self, deepest_m: f64, clock: Option<f64>) -> Option<[f64; 2]> {
+    pub(crate) fn grid(&self, deepest_m: f64, clock: Option<f64>) -> Option<[f64; 2]> {
         let whole = self.time_s.last()? - self.time_s.first()?;
         let most = [most_m(deepest_m), (MOST_S.0 * whole).min(MOST_S.1)];
         let value = |k: usize, i: i32| most[k] * f64::from(i) / f64::from(STEPS[1 - k]);
@@ -117,7 +117,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Residuals and their derivatives by contact depth, time offset, factor, zero and drift.
-    pub fn jacobian(&self, at: [f64; 2], linear: [f64; LINEAR]) -> (DVector<f64>, DMatrix<f64>) {
+    pub(crate) fn jacobian(&self, at: [f64; 2], linear: [f64; LINEAR]) -> (DVector<f64>, DMatrix<f64>) {
         let used = self.used(at);
         let since = |i: usize| self.time_s[i] - self.time_s[0];
         let residual =

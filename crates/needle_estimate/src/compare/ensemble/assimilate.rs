@@ -197,7 +197,7 @@ impl Assimilation {
 
     /// Takes tracked points, no earlier than the last ones. Points that were not seen, or that a member lacks, are
     /// ignored.
-    pub fn track(&mut self, tracked: &Tracked) {
+    pub(crate) fn track(&mut self, tracked: &Tracked) {
         while self.targets.len() < 3 * tracked.measured_m.len() {
             self.targets.push(self.learner.add(LEAST_NOISE_M));
         }
@@ -215,20 +215,20 @@ impl Assimilation {
     /// Forecast of a future reading of the load cell, given the members' predictions of it. `None` if one of them is
     /// not finite.
     #[must_use]
-    pub fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
+    pub(crate) fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
         let (mean, reading) = self.reading(&Observed { measured_n: 0.0, ..ahead.clone() });
         let forecast = Forecast::of(mean, self.learner.expected(self.force, ahead.time_s, &reading));
         Some(forecast).filter(|f| f.mean_n.is_finite() && f.standard_deviation_n.is_finite())
     }
 
     /// Ends the blocks that are incomplete.
-    pub fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         self.learner.close_all();
     }
 
     /// Mean and variance of a quantity of the members after the update; `None` if a number is not finite.
     #[must_use]
-    pub fn state(&self, of_members: &[f64]) -> Option<(f64, f64)> {
+    pub(crate) fn state(&self, of_members: &[f64]) -> Option<(f64, f64)> {
         let (mean, row) = self.row(of_members);
         let (more, variance) = self.learner.state(&row);
         (mean.is_finite() && variance.is_finite()).then_some((mean + more, variance))

@@ -22,7 +22,7 @@ impl Band {
 
     /// The band of the finite forces; `None` if there are none.
     #[must_use]
-    pub fn of(forces: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn of(forces: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = forces.filter(|f| f.is_finite()).collect();
         sorted.sort_unstable_by(f64::total_cmp);
         let (mean_n, variance) = moments(&sorted)?;
@@ -32,7 +32,7 @@ impl Band {
 
     /// The band of a normal distribution.
     #[must_use]
-    pub fn normal(mean_n: f64, standard_deviation_n: f64) -> Self {
+    pub(crate) fn normal(mean_n: f64, standard_deviation_n: f64) -> Self {
         let half = HALF * standard_deviation_n;
         Self { mean_n, standard_deviation_n, low_n: mean_n - half, high_n: mean_n + half }
     }
@@ -56,7 +56,7 @@ fn moments(values: &[f64]) -> Option<(f64, f64)> {
 /// probability, (i + 1/2) / n (Hazen's rule). In between it is interpolated linearly; beyond the outermost values it
 /// is constant.
 #[must_use]
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+pub(crate) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let place = (share * sorted.len() as f64 - 0.5).clamp(0.0, (sorted.len() - 1) as f64);
     let (below, part) = (place.floor() as usize, place.fract());
     match sorted.get(below + 1) {
@@ -77,7 +77,7 @@ pub struct Spread {
 impl Spread {
     /// Mean and covariance (with n - 1) of positions; `None` without positions.
     #[must_use]
-    pub fn of(positions: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
+    pub(crate) fn of(positions: impl Iterator<Item = [f64; 3]>) -> Option<Self> {
         let all: Vec<[f64; 3]> = positions.filter(|p| p.iter().all(|x| x.is_finite())).collect();
         let n = all.len() as f64;
         if all.is_empty() {

@@ -20,7 +20,8 @@ pub use band::{Band, Spread};
 pub use crew::Crew;
 pub use error::EnsembleError;
 pub use live::{Ahead, Live, Told, check_live};
-pub use member::{Member, Shift, check, members};
+pub use member::Shift;
+pub use member::{Member, check, members};
 pub use path::{MemberPath, Paths, distinct, paths, tracked_paths};
 
 use std::time::Instant;

@@ -101,12 +101,12 @@ pub(super) struct Course<'a> {
 
 impl Course<'_> {
     /// Whether the run was cancelled.
-    pub fn is_stopped(&self) -> bool {
+    pub(crate) fn is_stopped(&self) -> bool {
         self.cancel.is_cancelled()
     }
 
     /// The path of a run, from its forces, the readings that it answered, and the targets at each answer.
-    pub fn path(&self, force_n: Vec<f64>, at: &[usize], targets: &[TargetRow]) -> MemberPath {
+    pub(crate) fn path(&self, force_n: Vec<f64>, at: &[usize], targets: &[TargetRow]) -> MemberPath {
         let deepest = targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
         let begin_s = at.first().map_or(0.0, |i| self.readings[*i].time_s);
         MemberPath {

@@ -5,10 +5,10 @@
 //! members.
 
 /// Most points of a sequence.
-pub const MOST: usize = 1 << 16;
+pub(crate) const MOST: usize = 1 << 16;
 
 /// Most dimensions of a point.
-pub const DIMENSIONS: usize = 256;
+pub(crate) const DIMENSIONS: usize = 256;
 
 /// Coordinate `dimension` of point `index`, in (0, 1).
 #[must_use]

@@ -113,7 +113,7 @@ pub(super) struct Together {
 
 impl Together {
     /// Groups all twins that can form a team.
-    pub fn all_of(twins: &[(Option<Twin>, f64)]) -> Vec<Self> {
+    pub(crate) fn all_of(twins: &[(Option<Twin>, f64)]) -> Vec<Self> {
         let mut teams: Vec<Self> = Vec::new();
         let mut left: Vec<usize> = (0..twins.len()).filter(|k| twins[*k].0.is_some()).collect();
         while let Some(first) = left.first().and_then(|k| twins[*k].0.as_ref()) {

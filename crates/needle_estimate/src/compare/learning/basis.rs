@@ -15,7 +15,7 @@ pub(super) struct Basis(Vec<DVector<f64>>);
 
 impl Basis {
     /// Components of a row along the directions, and the residual.
-    pub fn of(&self, row: &[f64]) -> (Vec<f64>, DVector<f64>) {
+    pub(crate) fn of(&self, row: &[f64]) -> (Vec<f64>, DVector<f64>) {
         let mut left = DVector::from_row_slice(row);
         let along = self.0.iter().map(|q| {
             let along = q.dot(&left);
@@ -26,7 +26,7 @@ impl Basis {
     }
 
     /// Adds the direction of a row, if its residual is not negligible. Returns whether it was added.
-    pub fn grow(&mut self, row: &[f64], noise: f64) -> bool {
+    pub(crate) fn grow(&mut self, row: &[f64], noise: f64) -> bool {
         let (_, left) = self.of(row);
         let grows = left.norm() > SEEN * noise && self.0.len() < row.len();
         if grows {
@@ -38,7 +38,7 @@ impl Basis {
     }
 
     /// Adds the vector with these components to another.
-    pub fn add(&self, along: &[f64], to: &mut DVector<f64>) {
+    pub(crate) fn add(&self, along: &[f64], to: &mut DVector<f64>) {
         self.0.iter().zip(along).for_each(|(q, along)| to.axpy(*along, q, 1.0));
     }
 }

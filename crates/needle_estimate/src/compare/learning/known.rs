@@ -202,7 +202,7 @@ pub(super) struct Off {
 
 impl Off {
     /// Deviation in standard deviations, with a further variance added.
-    pub fn deviations(&self, more: f64) -> f64 {
+    pub(crate) fn deviations(&self, more: f64) -> f64 {
         self.mean.abs() / (self.variance + more).sqrt()
     }
 }
@@ -221,13 +221,13 @@ pub(super) struct Known {
 
 impl Known {
     /// The prior, with the size of the force as the only unknown.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let (none, one) = (DVector::zeros(1), DMatrix::identity(1, 1));
         Self { m: none.clone(), c: one, root: OnceLock::new(), errors: Vec::new(), largest: (0.0, none) }
     }
 
     /// Adds an unknown with its prior.
-    pub fn grow(&mut self) {
+    pub(crate) fn grow(&mut self) {
         let n = self.m.len() + 1;
         [&mut self.m, &mut self.largest.1].into_iter().for_each(|vector| vector.resize_vertically_mut(n, 0.0));
         add_one(&mut self.c);
@@ -236,7 +236,7 @@ impl Known {
     }
 
     /// The symmetric square root of C.
-    pub fn root(&self) -> &DMatrix<f64> {
+    pub(crate) fn root(&self) -> &DMatrix<f64> {
         self.root.get_or_init(|| {
             let eigen = SymmetricEigen::new(self.c.clone());
             let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
@@ -245,7 +245,7 @@ impl Known {
     }
 
     /// Notes the expected force of a block, for the largest one.
-    pub fn measure(&mut self, force_n: f64, block: &Block) {
+    pub(crate) fn measure(&mut self, force_n: f64, block: &Block) {
         if force_n.abs() > self.largest.0.abs() {
             self.largest = (force_n, DVector::from_column_slice(&block.row[1..]));
         }
@@ -260,12 +260,12 @@ impl Known {
     }
 
     /// Adds a channel whose sensor has at least this noise.
-    pub fn add(&mut self, least: f64) {
+    pub(crate) fn add(&mut self, least: f64) {
         self.errors.push(All::new(self.m.len(), least, &self.m, &self.c));
     }
 
     /// Deviation of a block, or of a reading in it.
-    pub fn off(&self, channel: usize, number: f64, block: &Block) -> Off {
+    pub(crate) fn off(&self, channel: usize, number: f64, block: &Block) -> Off {
         let mut off = Off { mean: 0.0, variance: 0.0 };
         run(Judge(&self.errors[channel], number, block, &mut off));
         off
@@ -273,13 +273,13 @@ impl Known {
 
     /// Mean square of the model error in the block after the last, without the noise and the uncertainty of the
     /// unknowns.
-    pub fn error(&self, channel: usize, largest: f64) -> f64 {
+    pub(crate) fn error(&self, channel: usize, largest: f64) -> f64 {
         let errors = &self.errors[channel];
         mean(&errors.weight, &errors.candidates.error(1.0, largest, &errors.m))
     }
 
     /// Updates with a block.
-    pub fn take(&mut self, channel: usize, number: f64, block: &Block) {
+    pub(crate) fn take(&mut self, channel: usize, number: f64, block: &Block) {
         let errors = &mut self.errors[channel];
         errors.advance(number);
         errors.candidates.take(block);
@@ -288,7 +288,7 @@ impl Known {
 
     /// Treats a block that is more than `far` standard deviations off as the start of another model error. Its
     /// deviation is clipped to `far`, so that outliers have a bounded effect.
-    pub fn pass(&mut self, channel: usize, number: f64, block: &Block, far: f64) {
+    pub(crate) fn pass(&mut self, channel: usize, number: f64, block: &Block, far: f64) {
         let most = far * self.off(channel, number, block).variance.sqrt();
         let errors = &mut self.errors[channel];
         errors.advance(number);
@@ -303,7 +303,7 @@ impl Known {
     }
 
     /// Repeats the update with the candidates that a larger force admits.
-    pub fn widen(&mut self, channel: usize, largest: f64) {
+    pub(crate) fn widen(&mut self, channel: usize, largest: f64) {
         if self.errors[channel].widens(largest) {
             self.learn(channel, largest);
         }

@@ -47,7 +47,7 @@ const ASIDE: f64 = 10.0;
 
 /// Expected deviation of a reading, and its variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Expected {
+pub(crate) struct Expected {
     /// Mean.
     pub off: f64,
     /// Variance of a reading about the mean.
@@ -73,7 +73,7 @@ struct Channel {
 
 /// Block counts of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub(crate) struct Tally {
     /// Blocks that were completed.
     pub blocks: usize,
     /// Number of these that did not update the unknowns.
@@ -96,7 +96,7 @@ struct Trouble {
 
 /// See the module.
 #[derive(Clone, Debug)]
-pub struct Learner {
+pub(crate) struct Learner {
     basis: Basis,
     now: Known,
     channels: Vec<Channel>,
@@ -133,7 +133,7 @@ impl Default for Learner {
 
 impl Learner {
     /// Adds a sensor with at least this noise, and returns its number. Only the first sensor can cause trouble.
-    pub fn add(&mut self, least_noise: f64) -> usize {
+    pub(crate) fn add(&mut self, least_noise: f64) -> usize {
         self.now.add(least_noise);
         self.saved.iter_mut().flatten().for_each(|known| known.add(least_noise));
         self.trouble.iter_mut().for_each(|trouble| trouble.kept.add(least_noise));
@@ -152,7 +152,7 @@ impl Learner {
 
     /// Takes a reading, no earlier than the last one. Returns whether it belongs to the same block as the last one,
     /// or to the next.
-    pub fn take(&mut self, channel: usize, time_s: f64, reading: Reading<impl AsRef<[f64]>>) -> bool {
+    pub(crate) fn take(&mut self, channel: usize, time_s: f64, reading: Reading<impl AsRef<[f64]>>) -> bool {
         self.begin(channel, time_s);
         let own = &mut self.channels[channel];
         own.largest = own.largest.max(reading.force_n.map_or(f64::INFINITY, f64::abs));
@@ -162,7 +162,7 @@ impl Learner {
 
     /// The same. Returns its forecast from the measurements up to one block before; `None` in the first block and
     /// after a gap.
-    pub fn take_expected(&mut self, channel: usize, time_s: f64, reading: Reading) -> Option<Expected> {
+    pub(crate) fn take_expected(&mut self, channel: usize, time_s: f64, reading: Reading) -> Option<Expected> {
         self.begin(channel, time_s);
         let expected = self.expect(channel, self.channels[channel].number, &reading);
         self.take(channel, time_s, reading).then_some(expected)
@@ -180,7 +180,7 @@ impl Learner {
 
     /// Forecast of a reading at a future time.
     #[must_use]
-    pub fn expected(&self, channel: usize, time_s: f64, reading: &Reading) -> Expected {
+    pub(crate) fn expected(&self, channel: usize, time_s: f64, reading: &Reading) -> Expected {
         let own = &self.channels[channel];
         let number = own.first_s.map_or(own.last, |first_s| block_of(time_s - first_s));
         self.expect(channel, number.max(own.last + 1.0), reading)
@@ -197,7 +197,7 @@ impl Learner {
     }
 
     /// Ends the blocks that are incomplete.
-    pub fn close_all(&mut self) {
+    pub(crate) fn close_all(&mut self) {
         (0..self.channels.len()).for_each(|channel| self.close(channel));
     }
 
@@ -299,7 +299,7 @@ impl Learner {
 
     /// Reports a fault of the load cell. Its recent updates are discarded, and it does not update the unknowns until
     /// it has been explained for a while.
-    pub fn fault(&mut self) {
+    pub(crate) fn fault(&mut self) {
         match &mut self.trouble {
             Some(trouble) => trouble.right = 0,
             None => {
@@ -311,7 +311,7 @@ impl Learner {
 
     /// Residual when trouble began, and whether it changed from one block to the next; `None` without trouble.
     #[must_use]
-    pub fn trouble(&self) -> Option<(f64, bool)> {
+    pub(crate) fn trouble(&self) -> Option<(f64, bool)> {
         self.trouble.as_ref().map(|trouble| (trouble.residual, trouble.sudden))
     }
 
@@ -322,7 +322,7 @@ impl Learner {
 
     /// Mean and variance of a quantity on which the unknowns have these effects.
     #[must_use]
-    pub fn state(&self, row: &[f64]) -> (f64, f64) {
+    pub(crate) fn state(&self, row: &[f64]) -> (f64, f64) {
         let known = self.believed();
         let (along, left) = self.basis.of(row);
         let (n, a) = (along.len(), DVector::from_vec(along));
@@ -331,7 +331,7 @@ impl Learner {
 
     /// Transforms the effects to unknowns that are again independent with variance 1.
     #[must_use]
-    pub fn narrowed(&self, row: &[f64]) -> Vec<f64> {
+    pub(crate) fn narrowed(&self, row: &[f64]) -> Vec<f64> {
         let (along, mut effects) = self.basis.of(row);
         let n = along.len();
         let narrower = self.believed().root().view((1, 1), (n, n)) * DVector::from_vec(along);
@@ -341,7 +341,7 @@ impl Learner {
 
     /// Standard deviation of the error of a reading, without the uncertainty of the unknowns.
     #[must_use]
-    pub fn error(&self, channel: usize) -> f64 {
+    pub(crate) fn error(&self, channel: usize) -> f64 {
         let own = &self.channels[channel];
         let unexplained = self.trouble.as_ref().filter(|_| channel == 0).map_or(0.0, |trouble| trouble.now);
         (own.of_one.powi(2) + self.now.error(channel, own.largest).max(unexplained * unexplained)).sqrt()
@@ -349,13 +349,13 @@ impl Learner {
 
     /// Standard deviation of the noise of a reading.
     #[must_use]
-    pub fn noise(&self, channel: usize) -> f64 {
+    pub(crate) fn noise(&self, channel: usize) -> f64 {
         self.channels[channel].of_one
     }
 
     /// Block counts of a channel.
     #[must_use]
-    pub fn tally(&self, channel: usize) -> Tally {
+    pub(crate) fn tally(&self, channel: usize) -> Tally {
         self.channels[channel].tally
     }
 }

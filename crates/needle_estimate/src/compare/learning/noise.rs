@@ -90,20 +90,20 @@ pub(super) struct Noise {
 
 impl Noise {
     /// For a sensor that has at least this noise.
-    pub fn new(least: f64) -> Self {
+    pub(crate) fn new(least: f64) -> Self {
         let none = Differences::default();
         Self { least, readings: Vec::new(), means: Vec::new(), of_readings: none.clone(), of_means: none }
     }
 
     /// Discards the last readings after a gap.
-    pub fn pause(&mut self) {
+    pub(crate) fn pause(&mut self) {
         self.readings.clear();
         self.means.clear();
     }
 
     /// Takes a block of readings minus the model's prediction. Returns the standard deviation of a reading and the
     /// variance of the mean, if they are known by then.
-    pub fn see(&mut self, block: &[f64]) -> Option<(f64, f64)> {
+    pub(crate) fn see(&mut self, block: &[f64]) -> Option<(f64, f64)> {
         let lag = block.len().div_ceil(2);
         for reading in block {
             self.readings.push(*reading);

@@ -71,7 +71,7 @@ pub(super) struct Posterior<const N: usize> {
 
 impl<const N: usize> Processes<N> {
     /// From sizes, in the sensor's unit, and times, in blocks.
-    pub fn new(unknowns: usize, size: [f64; N], time: [f64; N]) -> Self {
+    pub(crate) fn new(unknowns: usize, size: [f64; N], time: [f64; N]) -> Self {
         let rate = time.map(|time| 3f64.sqrt() / time);
         let none = [0.0; N];
         let x = vec![none; unknowns + 1];
@@ -89,7 +89,7 @@ impl<const N: usize> Processes<N> {
     }
 
     /// Adds an unknown on which there are no data yet.
-    pub fn grow(&mut self) {
+    pub(crate) fn grow(&mut self) {
         let n = self.b.len() + 1;
         self.x.iter_mut().for_each(|x| x.resize(n + 1, [0.0; N]));
         self.b.resize(n, [0.0; N]);
@@ -98,7 +98,7 @@ impl<const N: usize> Processes<N> {
 
     /// Predicts k blocks ahead.
     #[inline(always)]
-    pub fn advance(&mut self, k: f64) {
+    pub(crate) fn advance(&mut self, k: f64) {
         let f = if k == 1.0 { &self.next } else { &transition(&self.rate, k) };
         for j in 0..N {
             let (rest, [a, b, c]) = self.above_rest(j);
@@ -144,7 +144,7 @@ impl<const N: usize> Processes<N> {
 
     /// Mean and variance of the deviation of a block k blocks ahead, if the unknowns have means m and covariances C.
     #[inline(always)]
-    pub fn off(&self, k: f64, block: &Block, m: &[[f64; N]], c: &[[f64; N]]) -> [[f64; N]; 2] {
+    pub(crate) fn off(&self, k: f64, block: &Block, m: &[[f64; N]], c: &[[f64; N]]) -> [[f64; N]; 2] {
         let f = if k == 1.0 { &self.next } else { &transition(&self.rate, k) };
         let g = self.gate(block.largest);
         let (mut x, mut speed) = (f[0][0], f[0][1]);
@@ -163,7 +163,7 @@ impl<const N: usize> Processes<N> {
     }
 
     /// Mean square of the model error k blocks ahead, if the unknowns have means m.
-    pub fn error(&self, k: f64, largest: f64, m: &[[f64; N]]) -> [f64; N] {
+    pub(crate) fn error(&self, k: f64, largest: f64, m: &[[f64; N]]) -> [f64; N] {
         let none = Block { row: vec![0.0; self.x[0].len()], noise: 0.0, largest };
         let [off, variance] = self.off(k, &none, m, &vec![[0.0; N]; self.g.len()]);
         from_fn(|j| off[j] * off[j] + variance[j])
@@ -171,7 +171,7 @@ impl<const N: usize> Processes<N> {
 
     /// Updates with a block.
     #[inline(always)]
-    pub fn take(&mut self, block: &Block) {
+    pub(crate) fn take(&mut self, block: &Block) {
         let g = self.gate(block.largest);
         let v = innovation(block, &g, &self.p[0]);
         let left = self.left(&block.row, [&g, &[0.0; N]]);
@@ -194,7 +194,7 @@ impl<const N: usize> Processes<N> {
 
     /// Treats a block with these deviations and variances as the start of another error: it does not update the
     /// unknowns, but it updates the likelihood of processes with such deviations.
-    pub fn pass(&mut self, block: &Block, distance: &[f64; N], variance: &[f64; N]) {
+    pub(crate) fn pass(&mut self, block: &Block, distance: &[f64; N], variance: &[f64; N]) {
         let g = self.gate(block.largest);
         for j in 0..N {
             self.e[j] += variance[j].ln() + distance[j] * distance[j] / variance[j];
@@ -227,7 +227,7 @@ impl<const N: usize> Processes<N> {
     /// The unknowns and the likelihood of the readings, given the prior information on the unknowns: precision, and
     /// precision times mean.
     #[inline(always)]
-    pub fn posterior(&self, precision: &DMatrix<f64>, weighed: &DVector<f64>) -> Posterior<N> {
+    pub(crate) fn posterior(&self, precision: &DMatrix<f64>, weighed: &DVector<f64>) -> Posterior<N> {
         let n = self.b.len();
         let mut c = self.g.clone();
         for i in 0..n {

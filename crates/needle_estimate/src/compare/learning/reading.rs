@@ -38,7 +38,7 @@ pub(super) struct Readings {
 }
 
 impl Readings {
-    pub fn push(&mut self, reading: &Reading<impl AsRef<[f64]>>) {
+    pub(crate) fn push(&mut self, reading: &Reading<impl AsRef<[f64]>>) {
         let row = reading.row.as_ref();
         self.numbers.extend([reading.off, reading.force_n.unwrap_or(0.0), reading.doubt * reading.doubt]);
         self.numbers.extend_from_slice(row);
@@ -49,7 +49,7 @@ impl Readings {
         self.numbers.chunks(self.each)
     }
 
-    pub fn mean(&self) -> Reading {
+    pub(crate) fn mean(&self) -> Reading {
         let mut mean = vec![0.0; self.each];
         self.iter().for_each(|one| mean.iter_mut().zip(one).for_each(|(sum, x)| *sum += x));
         let share = self.each as f64 / self.numbers.len() as f64;
@@ -59,7 +59,7 @@ impl Readings {
     }
 
     /// Residual of each reading, if the size of the force and the unknowns along a basis have mean m.
-    pub fn unexplained(&self, basis: &Basis, m: &[f64]) -> Vec<f64> {
+    pub(crate) fn unexplained(&self, basis: &Basis, m: &[f64]) -> Vec<f64> {
         let mut unknowns = DVector::zeros(self.each - 3);
         basis.add(&m[1..], &mut unknowns);
         let explained =
@@ -67,11 +67,11 @@ impl Readings {
         self.iter().map(|one| one[0] - FORCE_ERROR * one[1] * m[0] - explained(&one[3..])).collect()
     }
 
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.numbers.is_empty()
     }
 
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.numbers.clear();
     }
 }

@@ -97,7 +97,7 @@ pub(super) struct Surface {
 
 impl Surface {
     /// Takes triangles among points; triangles with invalid indices are left out.
-    pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
+    pub(crate) fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
         let mut number = vec![None; points.len()];
         let mut surface = Self::default();
         let there = |corner: &u32| usize::try_from(*corner).is_ok_and(|i| i < points.len());
@@ -117,7 +117,7 @@ impl Surface {
     /// POLYDATA: number of points; number of cells and of their bytes for vertices, lines, polygons and strips;
     /// number of attributes; the points; the polygons; the displacement of each point, mm, as a scalar.
     /// `displacements` are those of all points, m.
-    pub fn message(&self, displacements: &[[f64; 3]]) -> Vec<u8> {
+    pub(crate) fn message(&self, displacements: &[[f64; 3]]) -> Vec<u8> {
         let (points, bytes) = (self.points.len() as u32, self.polygons.len() as u32);
         let head = [points, 0, 0, 0, 0, bytes / 16, bytes, 0, 0, 1];
         let mut body: Vec<u8> = head.iter().flat_map(|n| n.to_be_bytes()).collect();

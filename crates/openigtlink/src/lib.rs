@@ -11,13 +11,15 @@
 //!
 //! The crate `openigtlink-rust` (0.4.1) is not used: its POLYDATA has another layout than the protocol's, and it
 //! depends on TLS in C (docs/lab/libraries.md).
+#![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod board;
 mod error;
 mod message;
 mod server;
 
-pub use board::{Board, CLIENTS};
+pub use board::Board;
 pub use error::LinkError;
 pub use message::Instrument;
 pub use server::Server;

@@ -17,20 +17,23 @@
 //! moves no faster than look-aheads arrive.
 //!
 //! The goal is a depth, or the depth of a target that moves with the tissue. The motion is a [`Trajectory`], so a
-//! moving goal is followed without overshoot. This module uses no sockets and no clocks: times are passed in as ages.
+//! moving goal is followed without overshoot. This crate uses no sockets and no clocks: times are passed in as ages.
+#![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
 mod outlook;
 
 use std::fmt;
 
-pub use outlook::{Odds, Outlook, Place, Question};
+pub use outlook::{Odds, Question};
+pub use outlook::{Outlook, Place};
 
 use needle_rig::{MotionLimits, Trajectory};
 
 /// Share of a limit (of the force, of a probability) from which on the speed falls; it is zero at the limit.
 pub const SLOWS_AT: f64 = 0.8;
 /// Share of a limit at which the guard stops; the rest is reserved for the increase during braking.
-pub const STOPS_AT: f64 = 0.97;
+pub(crate) const STOPS_AT: f64 = 0.97;
 
 /// Twin and guard receive the position of the same needle. At the same stamp their depths differ by a constant, the
 /// difference of the sensors' zeros. Largest change of that difference, m.

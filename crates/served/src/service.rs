@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ros2_guarded::threads::{join_before, lower_priority, spawn};
+use named_threads::{join_before, lower_priority, spawn};
 use tokio::net::TcpStream;
 use tokio::sync::watch;
 use tokio::time::sleep;

@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::message::{Instrument, Packet, Surface, packet, points, transform};
-use crate::served::{self, News};
+use crate::message::{Instrument, Packet, Surface, packet, points, transform};
+use served::News;
 
 /// Largest number of simultaneous clients.
-pub const CLIENTS: usize = 16;
+pub(crate) const CLIENTS: usize = 16;
 
 /// Slots, in the order in which they are sent.
 #[derive(Clone, Copy)]

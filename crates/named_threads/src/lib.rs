@@ -1,19 +1,30 @@
 //! Threads with names.
+#![forbid(unsafe_code)]
+#![warn(unreachable_pub)] // what is pub is for another crate
 
+use std::io;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::GuardError;
+/// The system has no thread left.
+#[derive(Debug, thiserror::Error)]
+#[error("the {name} thread can't be started: {source}")]
+pub struct ThreadError {
+    /// What it was for.
+    name: String,
+    /// What the system says.
+    source: io::Error,
+}
 
 /// Starts a thread.
 ///
 /// # Errors
-/// [`GuardError::Thread`] if the system has none left.
-pub fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, GuardError> {
+/// [`ThreadError`] if the system has none left.
+pub fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, ThreadError> {
     thread::Builder::new()
         .name(name.to_owned())
         .spawn(body)
-        .map_err(|source| GuardError::Thread { name: name.to_owned(), source })
+        .map_err(|source| ThreadError { name: name.to_owned(), source })
 }
 
 /// Waits for the end of a thread and says if it was a panic.

@@ -45,12 +45,11 @@ impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
 
     /// Receives all changes from now on.
     #[must_use]
-    pub fn listen(&self) -> watch::Receiver<Newest<T, PLACES>> {
+    pub(crate) fn listen(&self) -> watch::Receiver<Newest<T, PLACES>> {
         self.newest.subscribe()
     }
 
     /// Waits until there is no reader.
-    #[cfg(feature = "page")]
     pub async fn left(&self) {
         // an error means that the content was dropped, and all readers with it
         let _ = self.taken.subscribe().wait_for(|n| *n == 0).await;

@@ -11,10 +11,10 @@ use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
-use super::board::{Board, PLACES, Seat};
-use super::error::LinkError;
-use super::message::Instrument;
-use crate::served::{Service, accept, bind};
+use crate::board::{Board, PLACES, Seat};
+use crate::error::LinkError;
+use crate::message::Instrument;
+use served::{Service, accept, bind};
 
 /// Period of reading the instrument's pose: 100 Hz.
 const PERIOD: Duration = Duration::from_millis(10);
