@@ -84,6 +84,9 @@ fn metrics_have_the_keys_of_the_contract() {
         "stability.min_jacobian",
         "stability.max_kinetic_to_strain_energy",
         "stability.force_imbalance",
+        "model_error.force_rms_n",
+        "model_error.force_max_n",
+        "model_error.targets_rms_m",
     ] {
         assert!(found.iter().any(|path| path == key), "{key} is not in {found:?}");
     }
@@ -94,6 +97,27 @@ fn metrics_have_the_keys_of_the_contract() {
     assert!(metrics["checksum"].as_str().unwrap().len() >= 16);
     assert!(metrics["nodes"].as_u64().unwrap() > 50);
     assert!(metrics["steps"].as_u64().unwrap() >= 50);
+}
+
+/// The estimated error covers what linear tetrahedra are off, and is that of each model: of the half plane a fraction.
+#[test]
+fn the_error_of_the_model_is_stated_and_covers_it() {
+    let of = |keys: &[&str]| {
+        let scene = ["solve", "--json", "--scene", "compression", "--speed-m-per-s", "0.01", "--pose-hz", "200"];
+        let metrics = json(&[&scene, keys].concat());
+        let number = |path: &str| metrics.pointer(path).unwrap().as_f64().unwrap();
+        (number("/force/peak_predicted_n"), number("/model_error/force_max_n"))
+    };
+    let half_plane = of(&[]);
+    let coarse = ["--set", "discretisation.dimension=full", "--set", "discretisation.spacing_m=0.004"];
+    let tetrahedra = of(&[&coarse[..], &["--set", "discretisation.method=tet4"]].concat());
+    // finite elements of bags/reference, at 2.5 mm
+    const REFERENCE: f64 = 0.8494;
+    for (name, (force, error)) in [("half plane", half_plane), ("tetrahedra", tetrahedra)] {
+        println!("{name}: {force:.4} +- {error:.4} N");
+        assert!((force - REFERENCE).abs() < error, "{name}: {force} +- {error} N");
+    }
+    assert!(half_plane.1 < 0.04 * REFERENCE && tetrahedra.1 > 1.5 * half_plane.1, "{half_plane:?} {tetrahedra:?}");
 }
 
 #[test]

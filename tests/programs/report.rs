@@ -182,7 +182,7 @@ fn csv_holds_every_answer() {
     let csv = report::force_csv(&run);
     let mut lines = csv.lines();
     let header = "time_s,depth_m,predicted_n,measured_n,predicted_x_n,predicted_y_n,predicted_z_n,\
-                  measured_x_n,measured_y_n,measured_z_n";
+                  measured_x_n,measured_y_n,measured_z_n,model_error_n";
     assert_eq!(lines.next(), Some(header));
     let rows: Vec<Vec<&str>> = lines.map(|l| l.split(',').collect()).collect();
     assert_eq!(rows.len(), run.answers.len());
@@ -190,7 +190,8 @@ fn csv_holds_every_answer() {
     for (row, a) in rows.iter().zip(&run.answers).skip(5) {
         let numbers: Vec<f64> = row.iter().map(|c| c.parse().unwrap()).collect();
         assert_eq!(numbers[..4], [a.time_s, a.depth_m, a.predicted_n, a.measured_n.unwrap()]);
-        assert_eq!((&numbers[4..7], &numbers[7..]), (&a.predicted_vector_n[..], &a.measured_vector_n.unwrap()[..]));
+        assert_eq!((&numbers[4..7], &numbers[7..10]), (&a.predicted_vector_n[..], &a.measured_vector_n.unwrap()[..]));
+        assert_eq!(numbers[10], a.model_error_n);
     }
 }
 

@@ -133,6 +133,7 @@ fn answer(i: usize, pose_hz: f64) -> Answer {
         measured_n: Some(force * 1.04 + noise),
         predicted_vector_n: [1e-4, -2e-4, force],
         measured_vector_n: Some([2e-4, -1e-4, force * 1.04 + noise]),
+        model_error_n: 0.01 * force,
         phase: match () {
             () if retracting && depth_m > 0.0 => Phase::Retraction,
             () if depth_m <= 0.0 => Phase::Approach,

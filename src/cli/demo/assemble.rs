@@ -86,7 +86,11 @@ fn answers(heard: &Observations, origin_ns: i64) -> Vec<Answer> {
                 measured_n: measured.at(seconds(force.stamp_ns)).map(|f| f[2]),
                 predicted_vector_n: force.value,
                 measured_vector_n: measured.at(seconds(force.stamp_ns)),
-                model_error_n: f64::NAN,
+                // the share of the last status, of both parts
+                model_error_n: present.map_or(f64::NAN, |s| {
+                    let size = force.value.iter().map(|f| f * f).sum::<f64>().sqrt();
+                    size * s.model_error.hypot(s.force_imbalance)
+                }),
                 phase: present.map_or(Phase::Approach, phase),
                 event,
                 steps: present.map_or(0, |s| s.steps_per_pose.round() as u32),

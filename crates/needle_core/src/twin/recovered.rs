@@ -27,8 +27,6 @@ const LOOK: u64 = 2048;
 /// |F - I|^2 below which a point is at rest.
 const REST: f64 = 1e-12;
 
-const IDENTITY: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-
 /// Whether the error is to be looked at after a pose that led from one number of steps to another: at first at each doubling, since a twin
 /// that enters changes most then.
 pub(super) fn is_due(before: u64, steps: u64) -> bool {
@@ -79,7 +77,7 @@ impl Recovered {
                     (0..9).for_each(|k| left[k] -= sum[k] / (weight * corners.len() as f64));
                 }
                 let square = |a: &[f64; 9]| a.iter().map(|x| x * x).sum::<f64>();
-                let strain = square(&std::array::from_fn(|k| f[k] - IDENTITY[k]));
+                let strain = square(&std::array::from_fn(|k| f[k] - f64::from(u8::from(k % 4 == 0))));
                 let w = solver.energy_of(p);
                 if strain > REST && w > 0.0 {
                     energy += w;
