@@ -198,6 +198,41 @@ fn a_bound_holds_and_is_said() {
     assert!(said.contains("ended at its bound 2000") && found["interval_95"].is_null(), "{said}");
 }
 
+/// Each share of the relaxation is a key of its own; the place of one that is not there is said.
+#[test]
+fn numbers_of_a_list_are_found_one_by_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let solved = folder.path().join("solved").display().to_string();
+    let set = |shares: &str| {
+        let keys = ["material.prony_times_s=[0.05, 1.0]", shares, "motion.speed_m_per_s=0.002"];
+        let mut arguments = vec!["--scene".to_owned(), "compression".to_owned()];
+        keys.iter().for_each(|key| arguments.extend(["--set".to_owned(), (*key).to_owned()]));
+        arguments
+    };
+    let done = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+        .args(["solve", "--out", &solved])
+        .args(set("material.prony_shares=[0.2, 0.3]"))
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{done:?}");
+    let table = format!("{solved}/force.csv");
+    let start = set("material.prony_shares=[0.1, 0.1]");
+    let columns = ["--position", "depth_m", "--force-column", "predicted_n", "--load-cell", "exact", "--fit"];
+    let fit = |keys: &[&str]| {
+        let start: Vec<&str> = start.iter().map(String::as_str).collect();
+        [&[table.as_str()], &start[..], &columns[..], keys].concat().iter().map(|s| (*s).to_owned()).collect::<Vec<_>>()
+    };
+    let both = fit(&["material.prony_shares[0]", "material.prony_shares[1]", "--json"]);
+    let (found, _) = json(&both.iter().map(String::as_str).collect::<Vec<_>>());
+    let share = |place: usize| number(&found["fit"][format!("material.prony_shares[{place}]")]["value"]);
+    println!("shares {} and {}, true 0.2 and 0.3", share(0), share(1));
+    assert!((share(0) - 0.2).abs() < 0.02 && (share(1) - 0.3).abs() < 0.02, "{found}");
+
+    let beyond = fit(&["material.prony_shares[2]"]);
+    let (code, _, said) = run(&beyond.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(code == 1 && said.contains("material.prony_shares[2]"), "{code} {said}");
+}
+
 #[test]
 fn what_cannot_be_fitted_is_refused_with_the_remedy() {
     let bag = shipped("compression");

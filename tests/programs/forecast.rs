@@ -156,7 +156,8 @@ fn a_needle_with_friction_is_predicted_where_no_formula_does() {
         .unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let table = format!("{solved}/force.csv");
-    let begun = needle("1678", "3", "0.002");
+    // not from every start: docs/forecast.md
+    let begun = needle("1678", "4.5", "0.004");
     let mut arguments = vec![table.as_str(), "--position", "depth_m", "--force-column", "predicted_n", "--json"];
     arguments.extend(scene);
     arguments.extend(begun.iter().map(String::as_str));

@@ -339,6 +339,12 @@ impl Prediction {
         self.prediction.health.force_imbalance
     }
 
+    /// Estimated error of the force that discretisation and steps make, N.
+    #[getter]
+    fn model_error_n(&self) -> f64 {
+        self.prediction.model_error_n()
+    }
+
     /// Share of the strain energy in cells that have turned over: from 0.05 on the cloud does not resolve the tissue.
     #[getter]
     fn folded_energy(&self) -> f64 {

@@ -63,6 +63,28 @@ impl Override {
         }
     }
 
+    /// The list with one of its numbers changed.
+    fn checked_in(&self, list: Option<&Value>, path: &str, place: usize) -> Result<Value, SceneError> {
+        let key: &Key = keys::require(&self.path, &self.shown(), &self.place)?;
+        let number = match &self.value {
+            NewValue::Unparsed(text) => text.trim().parse().ok(),
+            NewValue::Typed(value) => value.as_real(),
+        };
+        let Some(number) = number else { return key.check(&Value::Text(self.shown()), path, &self.place) };
+        let mut numbers = list.and_then(Value::as_list).unwrap_or_default();
+        let count = numbers.len();
+        let Some(changed) = numbers.get_mut(place) else {
+            return Err(SceneError::DoesNotApply {
+                place: self.place.clone(),
+                key: self.path.clone(),
+                value: self.shown(),
+                reason: format!("{path} has {count} numbers, counted from 0"),
+            });
+        };
+        *changed = number;
+        key.check(&Value::List(numbers), path, &self.place)
+    }
+
     fn checked(&self) -> Result<Value, SceneError> {
         let key: &Key = keys::require(&self.path, &self.shown(), &self.place)?;
         match &self.value {
@@ -127,10 +149,13 @@ impl Scene {
                 values.put_prior(prior);
                 continue;
             }
-            let value = change.checked()?;
-            values.check_element(&change.path, &change.place)?;
-            values.insert(&change.path, value, change.place.clone());
-            changed.insert(change.path.clone());
+            let (path, value) = match keys::element(&change.path) {
+                Some((list, place)) => (list, change.checked_in(values.get(list), list, place)?),
+                None => (change.path.as_str(), change.checked()?),
+            };
+            values.check_element(path, &change.place)?;
+            values.insert(path, value, change.place.clone());
+            changed.insert(path.to_owned());
         }
         values.drop_misfits(&changed)?;
         Self::from_values(&values)
@@ -148,7 +173,11 @@ impl Scene {
     /// The value of a key, its default included; `None` where the key doesn't apply to this scene or isn't known.
     #[must_use]
     pub fn get(&self, path: &str) -> Option<Value> {
-        self.to_values().get(path).cloned()
+        let values = self.to_values();
+        match keys::element(path) {
+            Some((list, place)) => values.get(list)?.as_list()?.get(place).copied().map(Value::Real),
+            None => values.get(path).cloned(),
+        }
     }
 
     /// Every key that applies to this scene with its value, as [`Scene::paths`] and [`Scene::get`] give them one by one.

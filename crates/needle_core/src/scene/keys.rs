@@ -5,8 +5,9 @@
 
 use std::sync::LazyLock;
 
+use super::key::{Key, Kind};
 use super::section::Section as _;
-use super::{Scene, SceneError, key::Key};
+use super::{Scene, SceneError};
 
 /// Every key of a scene, in the order in which a scene file is written. Paths of the sections in `LISTS` belong to each
 /// of their elements: `targets.name` takes an index, `targets.0.name`, `materials.model` and `regions.shape` a name,
@@ -39,10 +40,19 @@ pub(super) fn beside(path: &str, key: &str) -> String {
     }
 }
 
+/// The list and the place in it, from 0, of a path that names one of its numbers: `material.prony_shares[1]`.
+pub fn element(path: &str) -> Option<(&str, usize)> {
+    let (list, place) = path.strip_suffix(']')?.rsplit_once('[')?;
+    Some((list, place.parse().ok()?))
+}
+
 /// The entry of a dotted path. A target's key takes the target's index, a material's and a region's its name:
-/// `targets.0.name`, `regions.skin.shape`.
+/// `targets.0.name`, `regions.skin.shape`. That of a list is also the one of each of its numbers: `material.prony_shares[1]`.
 #[must_use]
 pub fn find(path: &str) -> Option<&'static Key> {
+    if let Some((list, _)) = element(path) {
+        return find(list).filter(|key| matches!(key.kind, Kind::List(..)));
+    }
     match split(path) {
         Some((section, _, field)) => KEYS.iter().find(|key| key.section() == section && key.field() == field),
         None => KEYS.iter().find(|key| !LISTS.contains(&key.section()) && key.path == path),

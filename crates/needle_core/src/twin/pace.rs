@@ -101,7 +101,7 @@ impl Pace {
         let mu = scene.material.shear_modulus();
         Self {
             stepping: scene.stepping,
-            length: LENGTH * height,
+            length: LENGTH * width,
             force_floor: (if slips { FORCE_FLOOR_OF_SLIP } else { FORCE_FLOOR }) * mu * height * width,
             energy_floor: 0.5 * FORCE_FLOOR * FORCE_FLOOR * mu * height * height * width,
             peak: 0.0,

@@ -238,8 +238,9 @@ fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let off = |a: &Prediction| (a.force_n[2] - cubic(&pressed, a.depth_m)) / 0.02;
     let most = answers[..at].iter().map(off).fold(0.0_f64, |most, off| most.max(off.abs()));
     println!("up to the drop at most {most} of the puncture force off");
-    // half a millimetre of skin, three radii down: 0.026 with the whole path an eighth of the radius fine, at a seventh of the speed
-    assert!(most < 0.035, "{most}");
+    // half a millimetre of skin, three radii down: 0.026 with the whole path an eighth of the radius fine, at a seventh of the speed;
+    // 0.004 of it is the shaft's wall, which the reference does not have
+    assert!(most < 0.04, "{most}");
     // where the reference reaches 20 mN
     assert!((depth_m - 1.52e-3).abs() < 1e-4 && (cubic(&pressed, 1.52e-3) - 0.02).abs() < 5e-5, "{depth_m}");
     assert!(answers[at + 10].force_n[2] < 0.4 * answers[at - 1].force_n[2], "it falls within 20 ms");

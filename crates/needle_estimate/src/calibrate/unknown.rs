@@ -128,8 +128,14 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
     let list = value.as_ref().and_then(|v| v.as_list()).filter(|list| list.len() == 1);
     let (range, start) = match key.kind {
         Kind::Real(range) => (range, value.and_then(|v| v.as_real())),
+        Kind::List(range, _) if keys::element(name).is_some() => (range, value.and_then(|v| v.as_real())),
         Kind::List(range, _) if list.is_some() => (range, list.map(|list| list[0])),
-        _ => return Err(refuse(format!("only a single number can be searched for; this is: {}", key.allowed()))),
+        _ => {
+            return Err(refuse(format!(
+                "only a single number can be searched for ({name}[0] is the first of a list); this is: {}",
+                key.allowed()
+            )));
+        }
     };
     let start = start.ok_or_else(|| refuse(format!("scene {} has no such key", scene.name)))?;
     let off = OFF_THE_END * start.abs().max(f64::MIN_POSITIVE);
@@ -137,6 +143,14 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
         if range.low_allowed { range.low } else { range.low + off.min(0.5 * (start - range.low)) },
         if range.high_allowed { range.high } else { range.high - off.min(0.5 * (range.high - start)) },
     ];
+    let own = match keys::element(name) {
+        // what relaxes can't be more than all, whatever the other shares become
+        Some((list, _)) if list.ends_with(".prony_shares") => {
+            let shares = scene.get(list).and_then(|v| v.as_list()).unwrap_or_default();
+            [own[0], start + (1.0 - OFF_THE_END) * (1.0 - shares.iter().sum::<f64>()) / shares.len() as f64]
+        }
+        _ => own,
+    };
     let own = if name.ends_with(".poisson_ratio") { [own[0], own[1].min(LARGEST_POISSON_RATIO)] } else { own };
     let bounds = bounds.unwrap_or(own);
     for bound in bounds {

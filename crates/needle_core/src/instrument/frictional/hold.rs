@@ -6,7 +6,7 @@ use mtled::solver::{End, Grip, Role, Solver, Wall};
 
 /// Share of the tip that the uppermost of its layers has at least. With less, its nodes stand between cells that the needle fills: nothing
 /// holds them, they drift, and invert the cells when the tip comes back.
-const LEFT_BEHIND: f64 = 0.01;
+const LEFT_BEHIND: f64 = 0.002;
 
 impl Frictional {
     /// Roles of the nodes, friction of the layers, push of the tip, cells that the needle fills.
