@@ -222,7 +222,7 @@ fn numbers_of_a_list_are_found_one_by_one() {
         let start: Vec<&str> = start.iter().map(String::as_str).collect();
         [&[table.as_str()], &start[..], &columns[..], keys].concat().iter().map(|s| (*s).to_owned()).collect::<Vec<_>>()
     };
-    let both = fit(&["material.prony_shares[0]", "material.prony_shares[1]", "--json"]);
+    let both = fit(&["material.prony_shares[0]", "material.prony_shares[1]"]);
     let (found, _) = json(&both.iter().map(String::as_str).collect::<Vec<_>>());
     let share = |place: usize| number(&found["fit"][format!("material.prony_shares[{place}]")]["value"]);
     println!("shares {} and {}, true 0.2 and 0.3", share(0), share(1));
