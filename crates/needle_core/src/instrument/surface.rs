@@ -64,8 +64,8 @@ pub(crate) fn touchable(scene: &Scene) -> u8 {
 const UNFOLDED: f64 = 0.1;
 
 /// Whether free tissue meets the side wall of the scene's instrument: of a flat indenter, of a kinematic needle before the puncture, and of a
-/// needle with friction in a half plane that has a membrane to break. Without a wall the surface closes above a tip that is pressed in some radii deep, and
-/// what lies within the needle then is inverted when the membrane breaks. In space the nodes of the surface are too far apart for it.
+/// needle with friction in a half plane that has a membrane to break. Without a wall the surface closes above a tip that is pressed some radii
+/// deep, and what lies within the needle then is inverted when the membrane breaks. In space the surface's nodes are too far apart for it.
 #[must_use]
 pub fn has_wall(scene: &Scene) -> bool {
     let Some(instrument) = &scene.instrument else { return false };

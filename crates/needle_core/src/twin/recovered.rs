@@ -22,7 +22,7 @@ use mtled::solver::Solver;
 use super::tissue::Tissue;
 use super::{Fixed, Twin, regions};
 
-/// Explicit steps between two looks: less than 1 % of the time of those steps.
+/// Explicit steps between two looks in the long run: less than 1 % of the time of those steps (0.3 ms at 2800 points of the half plane).
 const LOOK: u64 = 2048;
 /// |F - I|^2 below which a point is at rest.
 const REST: f64 = 1e-12;
