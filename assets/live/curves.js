@@ -2,7 +2,7 @@
 
 /// Points that are kept; then every second of the older half goes.
 const KEPT = 2400;
-/// A gap in the members' band that is bridged, s.
+/// A gap in the band that is bridged, s.
 const LONGEST_S = 1;
 
 function thinned(rows) { return rows.filter((_, i) => i >= KEPT / 2 || i % 2 === 0); }
@@ -26,7 +26,9 @@ class Curves {
       this.rows.push(point);
       if (this.rows.length > KEPT) this.rows = thinned(this.rows);
     }
-    const band = figures.band, latest = this.bands.at(-1);
+    const band = figures.band;
+    if (band && band.name !== this.bandName) Object.assign(this, { bands: [], bandName: band.name });
+    const latest = this.bands.at(-1);
     if (band && (!latest || band.time_s > latest.time_s)) {
       this.bands.push(band);
       if (this.bands.length > KEPT) this.bands = thinned(this.bands);
@@ -34,7 +36,7 @@ class Curves {
     return fresh;
   }
 
-  /// The members' band at each point: they answer later than the twin, and not every pose.
+  /// The band at each point: members answer later than the twin, and not every pose.
   fan(factor) {
     const low = new Float64Array(this.rows.length), high = new Float64Array(this.rows.length), mask = [];
     let k = 0;
@@ -73,7 +75,7 @@ class Curves {
       if (!r) return '';
       const parts = [`<b>${r.time_s.toFixed(2)}</b> s`, `depth <b>${minus(depth[i].toFixed(2))}</b> mm`, `predicted <b>${figures(predicted[i], 3)}</b> ${unit}`];
       if (has[i]) parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
-      if (fan && fan.mask[i]) parts.push(`95 %: <b>${figures(fan.low[i], 3)}</b> to <b>${figures(fan.high[i], 3)}</b>`);
+      if (fan && fan.mask[i]) parts.push(`${this.bandName}: <b>${figures(fan.low[i], 3)}</b> to <b>${figures(fan.high[i], 3)}</b>`);
       return spans([...parts, escaped(r.phase), ...(r.region ? [`in <b>${escaped(r.region)}</b>`] : [])]);
     };
     const marks = (f) => this.events.map((e) => ({ x: f(e), text: e.kind === 'mark' ? e.text || 'mark' : e.kind }));

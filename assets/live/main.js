@@ -158,6 +158,7 @@ function drawCurves() {
   state.charts.forEach((chart, i) => chart.renew(options[i]));
   byId('measured').hidden = options[0].panels.length < 2;
   byId('band').hidden = !options[0].panels[0].fans.length;
+  byId('band').lastChild.data = state.curves.bandName ?? '';
 }
 
 function takeReply(reply) {

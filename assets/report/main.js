@@ -22,7 +22,7 @@ const measured = scaled(rows.measured, run.force.factor);
 const residual = measured && predicted.map((p, i) => p - measured[i]);
 const mask = rows.has_measured;
 
-const band = run.band && { low: scaled(run.band.low, run.force.factor), high: scaled(run.band.high, run.force.factor), mask: run.band.mask };
+const band = { ...run.band, low: scaled(run.band.low, run.force.factor), high: scaled(run.band.high, run.force.factor) };
 
 function phaseAt(time) {
   // The last that has begun: times come in 32 bits, so the end of the last band says little.
@@ -35,7 +35,7 @@ function readForce(i) {
   if (measured && (!mask || mask[i])) {
     parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
   }
-  if (band && band.mask[i]) parts.push(`95 %: <b>${figures(band.low[i], 3)}</b> to <b>${figures(band.high[i], 3)}</b>`);
+  if (band.mask[i]) parts.push(`${band.name}: <b>${figures(band.low[i], 3)}</b> to <b>${figures(band.high[i], 3)}</b>`);
   const region = run.depth_regions.find((r) => rows.depth[i] > r.from && rows.depth[i] <= 1.000001 * r.to);
   return spans([...parts, phaseAt(rows.time[i]), ...(region ? [`in <b>${escaped(region.name)}</b>`] : [])]);
 }
@@ -54,9 +54,8 @@ function forceSeries(split) {
   return measured ? [...line(measured, 'measured', 'var(--measured)'), ...series] : series;
 }
 
-/// The members' band, in each of its ways where `split`.
+/// The band about the force, in each of its ways where `split`.
 function fans(split) {
-  if (!band) return [];
   return split ? run.passes.map(({ from, to }) => ({ ...band, from, to })) : [band];
 }
 

@@ -13,11 +13,13 @@ use super::progress::Bar;
 use super::recorded::{DEFAULT_SCENE, SourceOptions, TopicOptions};
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
+use needle_core::scene::Scene;
 use needle_core::twin::Twin;
 use needle_estimate::calibrate::{LoadCell, Wanted};
 use needle_estimate::compare::scale::mistaken;
 use needle_estimate::compare::{Cancel, Curve};
 use needle_estimate::forecast::{self, Blind, Of, Prediction, default_keys};
+use needle_estimate::learnt_law::{self, Fits};
 use needle_recording::{At, Recording};
 use needle_report::{Forecasted, forecast_json};
 
@@ -58,6 +60,11 @@ pub(super) struct Arguments {
     #[command(flatten)]
     sources: SourceOptions,
 
+    /// Where the law of tissue comes from: with three recordings or more, a neo-Hookean scene gets a stiffening law that the whole of the
+    /// other recordings fit best, if it fits them much better
+    #[arg(long, value_enum, default_value_t = Law::Learnt, help_heading = "Fit")]
+    law: Law,
+
     /// Go on where units, signs or scene of a recording look wrong
     #[arg(long, help_heading = "Run")]
     force: bool,
@@ -72,6 +79,14 @@ pub(super) struct Arguments {
     /// Print forecast.json instead of a summary
     #[arg(long, help_heading = "Output")]
     json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Law {
+    /// Learnt from the other recordings
+    Learnt,
+    /// The scene's own
+    Scene,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -103,8 +118,15 @@ fn inner_share(text: &str) -> Result<f64, String> {
 struct Made {
     name: String,
     scene: String,
+    law: Option<String>,
     prediction: Result<Prediction, String>,
     losses: Vec<String>,
+}
+
+/// What the whole of a recording says of laws, and the scene it is of.
+struct Taught {
+    scene: String,
+    fits: Fits,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
@@ -113,17 +135,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let interrupt = Interrupt::listen();
     let cancel = interrupt.cancel();
     let bar = Bar::new(names.len() as u64, "recordings");
-    let one = |(path, name): (&PathBuf, &String)| -> Result<Made, CliError> {
-        let made = arguments.made(path, name, cancel);
+    let taught = arguments.threads.install(|| arguments.taught(cancel))?;
+    let one = |(i, (path, name)): (usize, (&PathBuf, &String))| -> Result<Made, CliError> {
+        let others: Vec<&Taught> = (0..taught.len()).filter(|k| *k != i).filter_map(|k| taught[k].as_ref()).collect();
+        let made = arguments.made(path, name, &others, cancel);
         if let (Some(folder), Ok(prediction)) = (&folder, &made.prediction) {
             needle_report::write_prediction(&folder.path, name, prediction)?;
         }
         bar.add(1, name);
         Ok(made)
     };
-    let made = arguments
-        .threads
-        .install(|| arguments.recordings.par_iter().zip(&names).map(one).collect::<Result<Vec<Made>, CliError>>())??;
+    let made = arguments.threads.install(|| {
+        arguments.recordings.par_iter().zip(&names).enumerate().map(one).collect::<Result<Vec<Made>, CliError>>()
+    })??;
     bar.finish();
     if cancel.is_cancelled() {
         warn("interrupted: the forecasts made so far are in --out, and nothing was compared");
@@ -171,26 +195,62 @@ impl Arguments {
         Recording::open(&[path.to_owned()], &selection).map_err(|e| CliError::from(e).to_string())
     }
 
-    fn made(&self, path: &Path, name: &str, cancel: &Cancel) -> Made {
-        let mut made =
-            Made { name: name.to_owned(), scene: String::new(), prediction: Err(String::new()), losses: Vec::new() };
-        made.prediction = self.predicted(path, &mut made.scene, &mut made.losses, cancel);
+    /// Scene of a recording.
+    fn scene_of(&self, recording: &Recording) -> Result<Scene, String> {
+        let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
+        let scene = scene_file::load(name).map_err(|e| e.to_string())?;
+        self.set.apply(&scene, []).map_err(|e| e.to_string())
+    }
+
+    fn keys(&self, scene: &Scene) -> Vec<Wanted> {
+        if self.fit.is_empty() { default_keys(scene) } else { self.fit.clone() }
+    }
+
+    /// What the whole of each recording says of laws; nothing of those that can't be fitted, or where no law is to be learnt.
+    fn taught(&self, cancel: &Cancel) -> Vec<Option<Taught>> {
+        let many = self.recordings.len();
+        let stride = many.div_ceil(learnt_law::MOST);
+        let one = |(i, path): (usize, &PathBuf)| -> Option<Taught> {
+            if self.law == Law::Scene || many <= learnt_law::FEWEST || i % stride != 0 {
+                return None;
+            }
+            let recording = self.open(path).ok()?;
+            let scene = self.scene_of(&recording).ok()?;
+            let keys = self.keys(&scene);
+            if !learnt_law::is_open(&scene, &keys) {
+                return None;
+            }
+            let by_pose = self.topics.readings(&recording).iter().any(|r| matches!(r.at, At::Pose(_)));
+            let fits =
+                learnt_law::fits(&recording, &scene, &keys, LoadCell::Offset, by_pose, &mut cancel.clone()).ok()?;
+            Some(Taught { scene: scene.name, fits })
+        };
+        self.recordings.par_iter().enumerate().map(one).collect()
+    }
+
+    fn made(&self, path: &Path, name: &str, others: &[&Taught], cancel: &Cancel) -> Made {
+        let mut made = Made {
+            name: name.to_owned(),
+            scene: String::new(),
+            law: None,
+            prediction: Err(String::new()),
+            losses: Vec::new(),
+        };
+        made.prediction = self.predicted(path, &mut made, others, cancel);
         made
     }
 
     fn predicted(
         &self,
         path: &Path,
-        scene_name: &mut String,
-        losses: &mut Vec<String>,
+        made: &mut Made,
+        others: &[&Taught],
         cancel: &Cancel,
     ) -> Result<Prediction, String> {
         let recording = self.open(path)?;
-        losses.extend(recording.losses.iter().map(ToString::to_string));
-        let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
-        let scene = scene_file::load(name).map_err(|e| e.to_string())?;
-        let scene = self.set.apply(&scene, []).map_err(|e| e.to_string())?;
-        scene.name.clone_into(scene_name);
+        made.losses.extend(recording.losses.iter().map(ToString::to_string));
+        let scene = self.scene_of(&recording)?;
+        scene.name.clone_into(&mut made.scene);
         let twin = Twin::new(&scene).map_err(|e| e.to_string())?;
         let begun = recording.aligned(&scene);
         let readings = self.topics.readings(&begun);
@@ -213,12 +273,20 @@ impl Arguments {
             return Err(format!("{what}; --force goes on all the same"));
         }
         drop(twin);
-        let keys = if self.fit.is_empty() { default_keys(&scene) } else { self.fit.clone() };
+        let mut keys = self.keys(&scene);
         if keys.is_empty() {
             return Err(format!(
                 "scene {} has no material.shear_modulus_pa: name the keys to fit with --fit",
                 scene.name
             ));
+        }
+        let fits: Vec<&Fits> =
+            others.iter().filter(|taught| taught.scene == scene.name).map(|taught| &taught.fits).collect();
+        let mut scene = scene;
+        if let Some(learnt) = learnt_law::learnt(&fits).filter(|_| learnt_law::is_open(&scene, &keys)) {
+            made.law = Some(learnt.words());
+            keys = learnt.wanted(&keys, &scene);
+            scene = learnt.scene(&scene).map_err(|e| e.to_string())?;
         }
         let mut watch = cancel.clone();
         // the tissue's relaxation would be taken for a drift, and carried on
@@ -239,8 +307,8 @@ impl Arguments {
                 .filter(|k| *k != i && scenes[*k] == scenes[i])
                 .filter_map(|k| curves[k].as_ref())
                 .collect();
-            let Made { name, scene, prediction, mut losses } = made;
-            let mut one = Forecasted { name, scene, ..Forecasted::default() };
+            let Made { name, scene, law, prediction, mut losses } = made;
+            let mut one = Forecasted { name, scene, law, ..Forecasted::default() };
             match prediction.and_then(|prediction| Ok((whole?, prediction))) {
                 Ok((whole, prediction)) => {
                     let judged = prediction.judged(&whole, &others);
@@ -273,6 +341,7 @@ fn summary(all: &[Forecasted], files: &[PathBuf]) -> String {
             "forecast",
             format!("{}, scene {}, after {}: {}", one.name, one.scene, prediction.words, found.join(", ")),
         ));
+        lines.extend(one.law.iter().map(|law| ("law", law.clone())));
         if let Some(standing) = &judged.standing {
             let share = |n: f64| if judged.peak_n > 0.0 { 100.0 * n / judged.peak_n } else { 0.0 };
             let models: Vec<String> = std::iter::once(("twin", standing.twin_rmse_n))

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::{Args, Subcommand};
 use serde_json::{Map, json};
@@ -11,7 +12,8 @@ use super::{CliError, Outcome, print, scene_file};
 use needle_core::scene::keys::{KEYS, SECTIONS};
 use needle_core::scene::size::Estimate;
 use needle_core::scene::{Key, PRESETS, Scene, Value, Word as _};
-use needle_core::twin::{Body, Twin, extents, shown};
+use needle_core::twin::{Body, extents, shown};
+use needle_estimate::compare::{Cancel, Finished, Keep, Run, Session};
 
 /// List, print and check scenes
 #[derive(Debug, Args)]
@@ -30,7 +32,7 @@ enum Verb {
     },
     /// Print a scene, ready to be edited; with --set, as it then is
     Show(Show),
-    /// Read and check scenes without running them
+    /// Read and check scenes, and try each for a second: what it costs and how far off it is
     Check {
         /// Presets or scene files
         #[arg(required = true, value_name = "NAME|FILE")]
@@ -182,7 +184,7 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
     let checked: Vec<_> = scenes.iter().map(|name| set.apply(&scene_file::load(name)?, []).and_then(sized)).collect();
     if as_json {
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
-            Ok((scene, Sized { size, extents, built })) => {
+            Ok((scene, Sized { size, extents, built, tried })) => {
                 let model = scene.dimension();
                 let because = model.because + &scene.left_out();
                 json!({
@@ -191,6 +193,8 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
                     "dimension": model.dimension.as_str(), "dimension_because": because,
                     "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
                     "nodes": built.map(|[nodes, _]| nodes), "integration_points": built.map(|[_, points]| points),
+                    "tried": tried.as_ref().map(Tried::json),
+                    "accuracy": scene.accuracy,
                     "spacing_m": scene.grading().map(|g| g.spacing.get()),
                     "edge_refinement": scene.grading().map(|g| g.edge_refinement),
                     "growth": scene.grading().map(|g| g.growth),
@@ -205,19 +209,20 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
         print(&format!("{:#}\n", serde_json::Value::from_iter(rows)))?;
     } else {
         let each = scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s)));
-        for (name, (scene, Sized { size, extents, built })) in each {
+        for (name, (scene, Sized { size, extents, built, tried })) in each {
             let (model, megabytes) = (scene.dimension(), size.bytes / 1e6);
             let kind = model.dimension.as_str();
             let mesh = extents.map_or_else(String::new, |extents| format!(", mesh of {}", shown(extents)));
             print(&format!(
-                "{name}: ok, about {megabytes:.0} MB, {}{mesh}; {kind}: {}{}{}\n",
+                "{name}: ok, about {megabytes:.0} MB, {}{mesh}; {kind}: {}{}{}{}\n",
                 match built {
                     Some([nodes, points]) => format!("{nodes} nodes, {points} integration points"),
                     None => format!("some {:.0} nodes (too many to build for a check)", size.nodes),
                 },
                 model.because,
                 scene.left_out(),
-                spaced(scene)
+                spaced(scene),
+                tried.as_ref().map_or_else(String::new, |tried| tried.words(scene.accuracy))
             ))?;
         }
     }
@@ -240,7 +245,64 @@ struct Sized {
     extents: Option<[f64; 3]>,
     /// Nodes and integration points of the model that was built for the check.
     built: Option<[usize; 2]>,
+    /// What the first second of its motion cost, where it has one and was built.
+    tried: Option<Tried>,
 }
+
+/// A run of a scene's own motion, as far as it goes within [`TRIED`] of wall time.
+struct Tried {
+    run: Run,
+    /// Whether it got to the end of the motion.
+    whole: bool,
+}
+
+impl Tried {
+    fn steps_per_pose(&self) -> f64 {
+        self.run.steps as f64 / self.run.answers.len().max(1) as f64
+    }
+
+    fn longest_pose_ms(&self) -> f64 {
+        self.run.latency_ms().map_or(0.0, |latency| latency.max)
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({
+            "whole": self.whole,
+            "simulated_s": self.run.simulated_s,
+            "real_time_factor": self.run.real_time_factor(),
+            "steps_per_pose": self.steps_per_pose(),
+            "longest_pose_ms": self.longest_pose_ms(),
+            "force_imbalance_rms": self.run.force_imbalance_rms,
+            "model_error": self.run.relative_model_error(),
+            "diverged": self.run.diverged,
+        })
+    }
+
+    fn words(&self, accuracy: f64) -> String {
+        let how_far = if self.whole {
+            "its motion".to_owned()
+        } else {
+            format!("the first {:.3} s of its motion", self.run.simulated_s)
+        };
+        if let Some(reason) = &self.run.diverged {
+            return format!("; {how_far}, tried: lost, {reason}");
+        }
+        let error = self.run.relative_model_error();
+        let met = if error <= accuracy { "within" } else { "an upper bound, which does not show it to be within" };
+        format!(
+            "; {how_far}, tried: {:.2} times real time, {:.1} steps per pose, longest pose {:.1} ms; error of the model {:.1} % of the peak, \
+             {met} the accuracy of {:.1} %",
+            self.run.real_time_factor().unwrap_or(0.0),
+            self.steps_per_pose(),
+            self.longest_pose_ms(),
+            100.0 * error,
+            100.0 * accuracy,
+        )
+    }
+}
+
+/// Wall time for which a scene is tried.
+const TRIED: Duration = Duration::from_secs(1);
 
 /// Models that are estimated to have more nodes are not built for a check: it would take more than some ten seconds.
 const BUILT: f64 = 30_000.0;
@@ -255,9 +317,19 @@ fn size(scene: &Scene) -> Result<Sized, CliError> {
             (scene.estimate_of(cloud.points.len() as f64, cloud.cells.len() as f64), Some(extents(&cloud)))
         }
     };
-    let twin = (size.nodes <= BUILT).then(|| Twin::new(scene)).transpose().map_err(refused)?;
+    if size.nodes > BUILT {
+        return Ok(Sized { size, extents, built: None, tried: None });
+    }
+    let session = Session::new(scene, "scene check", Keep::ANSWERS).map_err(refused)?;
+    let (begun, mut cut_short) = (Instant::now(), false);
+    let in_time = |_: &_| {
+        cut_short = begun.elapsed() > TRIED;
+        !cut_short
+    };
+    let readings = scene.motion.iter().flat_map(Session::motion).take_while(in_time);
+    let Finished { run, twin, .. } = session.run(readings, &mut Cancel::default());
     let said = scene.advice();
-    let more = twin.iter().flat_map(Twin::warnings).filter(|warning| !said.contains(warning));
-    more.for_each(|warning| super::warn(warning));
-    Ok(Sized { size, extents, built: twin.map(|twin| [twin.nodes(), twin.integration_points()]) })
+    twin.warnings().iter().filter(|warning| !said.contains(warning)).for_each(|warning| super::warn(warning));
+    let tried = (!run.answers.is_empty()).then_some(Tried { run, whole: !cut_short });
+    Ok(Sized { size, extents, built: Some([twin.nodes(), twin.integration_points()]), tried })
 }

@@ -37,6 +37,8 @@ pub fn needle(pose_hz: f64) -> Run {
         min_jacobian: 0.81,
         max_kinetic_to_strain_energy: 0.004,
         force_imbalance: 0.0065,
+        force_imbalance_rms: 0.0021,
+        accuracy: 0.01,
         constraint_error_m: 2.1e-9,
         folded_energy: 0.0012,
         effective_radius_m: Some(4.9e-4),

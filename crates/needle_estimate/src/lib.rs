@@ -13,3 +13,4 @@ pub mod calibrate;
 pub mod compare;
 pub mod forecast;
 pub mod layers;
+pub mod learnt_law;

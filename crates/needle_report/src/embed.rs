@@ -16,7 +16,6 @@ use super::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use needle_core::scene::{Instrument, InstrumentKind};
 use needle_core::twin::Event;
-use needle_estimate::compare::ensemble::Band;
 use needle_estimate::compare::{Answer, Pass, Run, Snapshot, TargetRow};
 use serde_json::{Value, json};
 
@@ -105,16 +104,16 @@ fn passes(run: &Run, kept: &[usize]) -> Value {
     run.passes().iter().filter(|pass| at(pass.range.start) < at(pass.range.end)).map(one).collect()
 }
 
-/// Ends of the ensemble's band at the drawn answers; null without an ensemble.
-fn band(run: &Run, kept: &[usize]) -> Option<Value> {
-    run.ensemble.as_ref()?;
-    let all: Vec<_> = kept.iter().map(|&i| run.band(i)).collect();
-    let end = |of: fn(&Band) -> f64| pack_f32(all.iter().map(|band| band.as_ref().map_or(0.0, of)));
-    Some(json!({
-        "low": end(|band| band.low_n),
-        "high": end(|band| band.high_n),
+/// Ends of the band about the force at the drawn answers, and what it is.
+fn band(run: &Run, kept: &[usize]) -> Value {
+    let all: Vec<_> = kept.iter().map(|&i| run.shown_band(i)).collect();
+    let end = |which: usize| pack_f32(all.iter().map(|band| band.map_or(0.0, |ends| ends[which])));
+    json!({
+        "name": run.band_name(),
+        "low": end(0),
+        "high": end(1),
         "mask": pack(all.iter().map(|band| u8::from(band.is_some()))),
-    }))
+    })
 }
 
 fn bands(stretches: &[Stretch]) -> Value {

@@ -57,7 +57,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let force = Scale::of_force(run);
     let x = Axis::holding(answers.iter().map(|a| 1e3 * a.depth_m).chain([0.0]), 10, 0.025);
     let forces = answers.iter().flat_map(|a| [Some(a.predicted_n), a.measured_n]).flatten().map(|f| force.factor * f);
-    let band = |&i: &usize| run.band(i).map_or([f64::NAN; 2], |band| [band.low_n, band.high_n]);
+    let band = |&i: &usize| run.shown_band(i).unwrap_or([f64::NAN; 2]);
     let bands = kept.iter().flat_map(band).map(|f| force.factor * f);
     let y = Axis::holding(forces.chain(bands).chain([0.0]), 6, 0.06);
     let bottom = if measured { 470.0 } else { 636.0 };
@@ -101,7 +101,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         Type { bold: true, colour: INK, ..label(Anchor::Middle) },
     );
     let passes: Vec<Pass> = ways.into_iter().map(|(pass, _)| pass).collect();
-    let entries = entries(&passes, measured, run.ensemble.is_some());
+    let entries = entries(&passes, measured, run.band_name());
     let entries: Vec<(&str, Pen)> = entries.iter().map(|(text, pen)| (text.as_str(), *pen)).collect();
     // with several insertions, predicted and measured curves have a row each
     let row = if entries.len() > 5 { entries.len().div_ceil(2) } else { entries.len() };
@@ -133,18 +133,15 @@ fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> 
 
 /// Fills the area between the band's ends over a leg.
 fn fan(picture: &mut Picture, panel: &Panel, run: &Run, leg: &[usize], factor: f64) {
-    let ends = leg.iter().filter_map(|&i| Some((1e3 * run.answers[i].depth_m, run.band(i)?)));
-    let ends: Vec<_> = ends.map(|(x, band)| [band.low_n, band.high_n].map(|f| panel.at(x, factor * f))).collect();
+    let ends = leg.iter().filter_map(|&i| Some((1e3 * run.answers[i].depth_m, run.shown_band(i)?)));
+    let ends: Vec<_> = ends.map(|(x, band)| band.map(|f| panel.at(x, factor * f))).collect();
     if ends.len() > 1 {
         picture.area(ends.iter().map(|e| e[0]).chain(ends.iter().rev().map(|e| e[1])), FAN);
     }
 }
 
-fn entries(passes: &[Pass], measured: bool, members: bool) -> Vec<(String, Pen)> {
-    let mut entries = Vec::new();
-    if members {
-        entries.push(("95 % of members".to_owned(), Pen { width: 9.0, ..Pen::new(FAN, 1.0) }));
-    }
+fn entries(passes: &[Pass], measured: bool, band: &str) -> Vec<(String, Pen)> {
+    let mut entries = vec![(band.to_owned(), Pen { width: 9.0, ..Pen::new(FAN, 1.0) })];
     for (what, pens) in [("predicted", &PREDICTED), ("measured", &MEASURED)].into_iter().take(1 + usize::from(measured))
     {
         // all passes after the first insertion share their pens

@@ -35,6 +35,8 @@ pub struct Forecasted {
     pub name: String,
     /// Name of its scene.
     pub scene: String,
+    /// The law of tissue that other recordings taught, in words; `None`: the scene's own.
+    pub law: Option<String>,
     /// The prediction and the comparison with the measured rest.
     pub made: Option<(Prediction, Judged)>,
     /// Why there is none.
@@ -187,6 +189,7 @@ fn entry(one: &Forecasted) -> Value {
     json!({
         "name": one.name,
         "scene": one.scene,
+        "law": one.law,
         "failed": Value::Null,
         "losses": one.losses,
         "fitted_to": prediction.words,

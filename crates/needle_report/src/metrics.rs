@@ -138,6 +138,7 @@ impl Nulls<'_> {
             "max_kinetic_to_strain_energy":
                 self.number("stability.max_kinetic_to_strain_energy", Some(run.max_kinetic_to_strain_energy), ""),
             "force_imbalance": self.number("stability.force_imbalance", Some(run.force_imbalance), ""),
+            "force_imbalance_rms": self.number("stability.force_imbalance_rms", Some(run.force_imbalance_rms), ""),
             "folded_energy": self.number("stability.folded_energy", Some(run.folded_energy), ""),
             "folded_from_m": run.folded_from_m.filter(|d| d.is_finite()),
             "constraint_error_m": self.number("stability.constraint_error_m", Some(run.constraint_error_m), ""),

@@ -73,7 +73,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-depth",
         "Force over depth",
         "Against the motion of the tip; hover or tap to read.",
-        &legend(measured, &passes, run.ensemble.is_some()),
+        &legend(measured, &passes, run.band_name()),
         &fallback,
     );
     if drawn {
@@ -87,7 +87,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-time",
         "Force over time",
         "Shaded by phase. Click to show that moment of the sample.",
-        &legend(measured, &[], run.ensemble.is_some()),
+        &legend(measured, &[], run.band_name()),
         &without_scripts(line_plot::force(run)),
     );
     chart(
@@ -146,14 +146,12 @@ fn chart(html: &mut String, id: &str, heading: &str, about: &str, legend: &str, 
 }
 
 /// Names of the curves; with several passes, those of each.
-fn legend(measured: bool, passes: &[Pass], members: bool) -> String {
+fn legend(measured: bool, passes: &[Pass], band: &str) -> String {
     let entry = |colour: &str, class: &str, text: &str| {
         format!("<li><i class=\"{class}\" style=\"border-color:var(--{colour})\"></i>{text}</li>")
     };
     let mut items = Vec::new();
-    if members {
-        items.push(entry("accent", "fan", "95 % of members"));
-    }
+    items.push(entry("accent", "fan", band));
     // insertion and retraction of the first pass, then of the others
     let of = [
         ("predicted", ["accent", "accent-2", "again", "again-2"]),

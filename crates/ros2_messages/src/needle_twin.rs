@@ -141,6 +141,8 @@ pub struct ForceComparison {
     pub measured_n: f64,
     /// Prediction with the same sign, N.
     pub predicted_n: f64,
+    /// Error of it that cloud and steps make, estimated, N.
+    pub model_error_n: f64,
     /// `predicted_n - measured_n`.
     pub residual_n: f64,
     /// Root mean square of the residual since the last reset, N.

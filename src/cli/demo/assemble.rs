@@ -27,6 +27,7 @@ pub(super) fn run(heard: &Observations, scene: &Scene, source: &str) -> Run {
         instrument: scene.instrument,
         scene_toml: scene.to_toml(),
         command: "demo".to_owned(),
+        accuracy: scene.accuracy,
         live: true,
         min_jacobian: 1.0,
         ..Run::default()
@@ -130,18 +131,23 @@ fn depth_at(answers: &[Answer], time_s: f64) -> f64 {
 fn health(run: &mut Run, heard: &Observations) {
     let peak = heard.status.iter().map(|s| s.value.predicted_n.abs()).fold(0.0, f64::max);
     // The status relates the imbalance to the peak so far, which is next to nothing at first contact.
-    let (mut so_far, mut imbalance_n) = (0.0_f64, 0.0_f64);
+    let (mut so_far, mut imbalance_n, mut imbalance_n2, mut statuses) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     for Heard { value: status, .. } in heard.status.iter().filter(|s| s.value.poses_answered > 0) {
         run.min_jacobian = run.min_jacobian.min(status.min_jacobian);
         so_far = so_far.max(status.predicted_n.abs());
         imbalance_n = imbalance_n.max(status.force_imbalance * so_far);
+        imbalance_n2 += (status.force_imbalance * so_far).powi(2);
+        statuses += 1.0;
         run.note_folds(status.depth_m, status.folded_energy);
         run.constraint_error_m = run.constraint_error_m.max(status.constraint_error_m);
         if status.predicted_n.abs() >= 0.1 * peak {
             run.max_kinetic_to_strain_energy = run.max_kinetic_to_strain_energy.max(status.kinetic_to_strain_energy);
         }
     }
-    run.force_imbalance = if peak > 0.0 { imbalance_n / peak } else { 0.0 };
+    if peak > 0.0 {
+        run.force_imbalance = imbalance_n / peak;
+        run.force_imbalance_rms = (imbalance_n2 / statuses).sqrt() / peak;
+    }
     let Some(Heard { value: last, .. }) = heard.status.last() else { return };
     run.steps = last.steps;
     run.missed_deadlines = last.missed_deadlines;

@@ -265,6 +265,7 @@ impl Comparator {
             header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
             depth_m: answer.prediction.depth_m,
             predicted_n,
+            model_error_n: answer.prediction.model_error_n(),
             predicted_force_n: answer.prediction.force_n.into(),
             tare_n: self.tare_n.into(),
             load_cell: ForceComparison::LOAD_CELL_MISSING,

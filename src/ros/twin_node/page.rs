@@ -129,9 +129,15 @@ fn figures(live: &Live) -> Value {
     let stamp = answer.stamp.nanos();
     // A band from before a reset does not belong to this run.
     let of_run = |band: &Banded| (origin..=stamp).contains(&band.stamp_nanos);
-    if let Some(Banded { stamp_nanos, low_n, high_n }) = live.band.filter(of_run) {
-        figures["band"] = json!({ "time_s": seconds(stamp_nanos), "low_n": low_n, "high_n": high_n });
-    }
+    // without members the error of the model
+    let of_model = || {
+        let (force_n, error_n) = (answer.predicted_n(), answer.prediction.model_error_n());
+        Banded { stamp_nanos: stamp, low_n: force_n - error_n, high_n: force_n + error_n }
+    };
+    let members = live.band.filter(of_run);
+    let name = if members.is_some() { "95 % of the members" } else { "error of the model" };
+    let Banded { stamp_nanos, low_n, high_n } = members.unwrap_or_else(of_model);
+    figures["band"] = json!({ "name": name, "time_s": seconds(stamp_nanos), "low_n": low_n, "high_n": high_n });
     let compared = live.compared.filter(|c| stamp - c.stamp_nanos < OLD_NANOS);
     let point = compared.unwrap_or_else(|| Compared {
         stamp_nanos: stamp,

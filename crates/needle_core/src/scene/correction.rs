@@ -96,7 +96,8 @@ impl Scene {
         self.write(&mut values, Scope::Once);
         // a default says nothing, so that a key that a later version adds changes no digest
         let counts = |path: &str, value: &Value| {
-            let of_cloud = path.split_once('.').is_some_and(|(section, _)| OF_CLOUD.contains(&section));
+            let of_cloud =
+                path == "accuracy" || path.split_once('.').is_some_and(|(section, _)| OF_CLOUD.contains(&section));
             let key = keys::find(path);
             let default = key.and_then(|key| key.parse(key.default?, path).ok());
             let live = key.is_some_and(|key| key.live);

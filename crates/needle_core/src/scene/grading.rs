@@ -1,12 +1,13 @@
 //! What `[discretisation]` leaves to the program: spacing of the nodes, supports and sums, by sample, instrument and dimension.
 //!
 //! ```text
-//! far        h = s t                      t: half of the sample's smallest size, m
-//! edge       h_e = R/2, 0.1 h, 0.0304 a   needle of capture radius R, m; plate; indenter of radius a, m
-//! growth     g                            h(x) = min(h, h_e + g d): d, distance from the edge or path, m
+//! far        h = f s t                    t: half of the sample's smallest size, m
+//! edge       h_e = R/2, 0.1 h, 0.0304 a   needle of capture radius R, m; plate; indenter of radius a, m; times f where f < 1
+//! growth     g = f g_1                    h(x) = min(h, h_e + g d): d, distance from the edge or path, m
+//! fineness   f = sqrt(accuracy / 0.01)    the error of the force falls with the square of the spacing
 //! ```
 //!
-//! s and g are those of the table in the code.
+//! s and g_1 are those of the table in the code.
 
 use super::{AskedGrading, Dimension, InstrumentKind, Integration, Metres, Scene, Shape};
 
@@ -39,6 +40,9 @@ const EDGE_OF_PLATE: f64 = 0.1;
 const EDGE_OF_INDENTER: f64 = 0.0304;
 const ON_PATH: f64 = 0.5;
 const EDGE_IN_OUTLINE: f64 = 0.3;
+/// The accuracy for which these hold (`docs/lab/model_error.md`), and the steepest growth that a scene may ask for.
+const STANDARD_ACCURACY: f64 = 0.01;
+const STEEPEST: f64 = 0.5;
 /// Spacing in a half plane of several regions over that in space. A kinematic needle's scenes are coarser in space.
 const PLANE_REFINEMENT: f64 = 0.5;
 const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
@@ -68,10 +72,16 @@ impl Scene {
             Some((InstrumentKind::Needle(_), true)) if self.has_membrane() => MEMBRANE,
             Some((InstrumentKind::Needle(_), _)) => NEEDLE,
         };
-        let by_size = || Metres(three_digits(share * half_thickness(&self.sample.shape)));
+        let fineness = self.fineness();
+        let by_size = || Metres(three_digits(fineness * share * half_thickness(&self.sample.shape)));
         let spacing = spacing.unwrap_or_else(by_size);
         let edge_refinement = edge_refinement.unwrap_or_else(|| self.at_edge(spacing.get(), dimension));
-        Some(Grading { spacing, edge_refinement, growth: growth.unwrap_or(steepest), path_rings })
+        Some(Grading {
+            spacing,
+            edge_refinement,
+            growth: growth.unwrap_or((fineness * steepest).min(STEEPEST)),
+            path_rings,
+        })
     }
 
     /// Spacing in a half plane over that in space: where there are several regions it is finer, and costs next to nothing.
@@ -143,17 +153,31 @@ impl Scene {
         }
     }
 
+    /// Spacing over that of the standard accuracy.
+    fn fineness(&self) -> f64 {
+        (self.accuracy / STANDARD_ACCURACY).sqrt()
+    }
+
+    /// Tolerated relative error of the force from too few steps.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        self.stepping.tolerance.unwrap_or(self.accuracy)
+    }
+
     /// Spacing at the edge of the instrument or on its path, over that far from it.
     fn at_edge(&self, spacing: f64, dimension: Dimension) -> f64 {
+        let fineness = self.fineness().min(1.0);
         let frictional = self.instrument.is_some_and(|i| i.is_frictional());
         // what the path of another needle is in a half plane of several regions is finer by that
         let finer = if frictional && dimension == Dimension::Axisymmetric { self.plane_refinement() } else { 1.0 };
         match self.instrument.as_ref().map(|i| &i.kind) {
-            Some(InstrumentKind::Needle(needle)) => within(ON_PATH * needle.capture_radius.get() / (finer * spacing)),
+            Some(InstrumentKind::Needle(needle)) => {
+                within(fineness * ON_PATH * needle.capture_radius.get() / (finer * spacing))
+            }
             _ if self.sample.shape.mesh().is_some() => EDGE_IN_OUTLINE,
             None | Some(InstrumentKind::Plate) => EDGE_OF_PLATE,
             Some(InstrumentKind::Indenter { diameter, .. }) => {
-                within(three_digits(EDGE_OF_INDENTER * 0.5 * diameter.get() / spacing))
+                within(three_digits(fineness * EDGE_OF_INDENTER * 0.5 * diameter.get() / spacing))
             }
         }
     }

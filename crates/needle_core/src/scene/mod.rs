@@ -84,6 +84,9 @@ section! {
         name: String = Key::text("name").or("scene"),
         /// What the scene is and what it assumes.
         description: String = Key::text("description").or(""),
+        /// Error that force and targets may have, of their largest values, as a root mean square over the poses: cloud and steps that are left
+        /// to the program follow from it.
+        accuracy: f64 = Key::real("accuracy", Range::closed(0.002, 0.1), "").or("0.01"),
         /// The tissue sample.
         sample: Sample,
         /// Its constitutive law: that of whatever lies in no region.

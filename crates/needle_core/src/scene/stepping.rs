@@ -7,8 +7,8 @@ section! {
     /// How poses become explicit steps.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Stepping => {
-        /// Tolerated relative error of the force from too few steps.
-        tolerance: f64 = Key::real("stepping.tolerance", Range::open(0.0, 1.0), "").or("0.01").live(),
+        /// Tolerated relative error of the force from too few steps; `auto`: the scene's accuracy.
+        tolerance: Option<f64> = Key::real("stepping.tolerance", Range::open(0.0, 1.0), "").or_auto().live(),
         /// Fraction of the largest stable step that is used; 1 and more are for studies of what happens then. With less than a
         /// hundredth the tissue has no time to come to rest, and the force can be wrong while instrument and base agree.
         step_factor: f64 = Key::real("stepping.step_factor", Range::below(0.01, 2.0), "").or("0.9"),

@@ -25,8 +25,14 @@ pub struct Health {
 impl Health {
     /// Kinetic over strain energy from which on inertia colours the force.
     pub const MOST_KINETIC: f64 = 0.05;
-    /// Imbalance from which on the forces are not those of an equilibrium.
-    pub const MOST_IMBALANCE: f64 = 0.02;
+    /// Imbalance at a pose, over the scene's accuracy, from which on the force is further off than it may be. The force itself is off by a tenth
+    /// to the whole of it (`docs/lab/model_error.md`).
+    pub const MOST_IMBALANCE: f64 = 10.0;
+    /// The same as a root mean square over the poses.
+    pub const MEAN_IMBALANCE: f64 = 1.0;
+    /// The same of the estimated error of the model, as a root mean square: the estimate is up to twelve times too wide
+    /// (`docs/lab/model_error.md`).
+    pub const MOST_ERROR: f64 = 4.0;
     /// Share of the strain energy in folded cells from which on the cloud does not resolve the tissue: the force is off by some half of
     /// it, and by more where a soft layer is crushed (docs/lab/stability.md).
     pub const MOST_FOLDED: f64 = 0.05;

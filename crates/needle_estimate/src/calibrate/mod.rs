@@ -51,6 +51,7 @@ use problem::Recorded;
 use search::{Searched, aligned, search};
 pub use split::{HoldOut, Parts};
 pub use task::{LoadCell, Task, Wanted};
+pub(crate) use unknown::SCALE_KEY;
 use unknown::Sought;
 
 /// Half-width of a 95% interval, in standard errors.

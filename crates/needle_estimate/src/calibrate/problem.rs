@@ -9,14 +9,14 @@ use nalgebra::{DMatrix, DVector};
 use super::paths::path_of;
 use super::runs::Common;
 use super::spikes;
-use super::tie::{pressures, tied};
+use super::tie::{PRESSURES, pressures, tied};
 use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
 use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
 use crate::compare::rows::{Rows, at_rest};
 use crate::compare::{Answer, Depths, Run, Watch, least_squares::Problem};
-use needle_core::scene::Override;
+use needle_core::scene::{Override, Scene, Value};
 
 /// Relative change of the ratio of pressures below which the ratio counts as constant.
 const SAME_RATIO: f64 = 1e-12;
@@ -57,6 +57,17 @@ pub(super) struct Recorded<'a> {
     pub(super) kept: Option<Kept>,
     /// Number of poses that the last run refused.
     pub(super) refused: usize,
+}
+
+/// All constants of a scene's law in Pa, times a factor.
+fn scaled(scene: &Scene, factor: f64) -> Vec<Override> {
+    let of = |key: &&str| -> Option<Override> {
+        let list: Vec<f64> = scene.get(key)?.as_list()?.iter().map(|x| factor * x).collect();
+        let value =
+            if *key == "material.ogden_shear_moduli_pa" { Value::of_numbers(list) } else { Value::Real(list[0]) };
+        Some(Override::typed(key, value, "--fit"))
+    };
+    PRESSURES.iter().filter_map(of).collect()
 }
 
 impl<'a> Recorded<'a> {
@@ -128,9 +139,10 @@ impl<'a> Recorded<'a> {
 
     /// The keys' values as changes of the scene.
     pub(crate) fn changes(&self, x: &[f64]) -> Vec<Override> {
-        let keys = self.sought.iter().zip(x).filter_map(|(s, value)| match s {
-            Sought::Key(key) => Some(Override::typed(key, *value, "--fit")),
-            _ => None,
+        let keys = self.sought.iter().zip(x).flat_map(|(s, value)| match s {
+            scale if scale.is_scale() => scaled(self.task.scene, *value),
+            Sought::Key(key) => vec![Override::typed(key, *value, "--fit")],
+            _ => Vec::new(),
         });
         keys.chain(self.tied.iter().map(|(key, k)| Override::typed(key, x[*k], "--fit"))).collect()
     }

@@ -30,6 +30,7 @@ impl Recorded<'_> {
     /// Keeps the first run for reuse, if the search starts with the scene's own values and the contact of that run.
     pub(crate) fn keep(&mut self, first: &Run, contact_m: f64) {
         let at = |sought: &Sought| match sought {
+            scale if scale.is_scale() => Some(1.0),
             Sought::Key(key) => self.task.scene.get(key)?.as_list()?.first().copied(),
             Sought::Contact => Some(contact_m),
             _ => Some(0.0),

@@ -68,6 +68,11 @@ impl Sought {
         }
     }
 
+    /// Whether it is the factor on all constants of the law.
+    pub(crate) fn is_scale(&self) -> bool {
+        matches!(self, Self::Key(key) if key == SCALE_KEY)
+    }
+
     /// Whether it is a key of one of several regions or materials.
     pub(crate) fn is_of_regions(&self) -> bool {
         matches!(self, Self::Key(key) if key.starts_with("regions.") || key.starts_with("materials."))
@@ -119,9 +124,22 @@ impl Sought {
     }
 }
 
+/// A factor on all constants of the law in Pa, whatever they are called; 1 as the scene has them. It is no key of a scene.
+pub(crate) const SCALE_KEY: &str = "material.scale";
+/// Its bounds.
+const SCALES: [f64; 2] = [1e-6, 1e6];
+
 /// Bounds and start of a scene's key.
 fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_squares::Unknown, CalibrateError> {
     let refuse = |reason: String| CalibrateError::Key { key: name.to_owned(), reason };
+    if name == SCALE_KEY {
+        let bounds = bounds.unwrap_or(SCALES);
+        if !(0.0 < bounds[0] && bounds[0] < bounds[1]) {
+            return Err(refuse(format!("the bounds {} to {} have to be above 0, and to rise", bounds[0], bounds[1])));
+        }
+        let start = 1.0_f64.clamp(bounds[0], bounds[1]);
+        return Ok(least_squares::Unknown { start, bounds, scale: 0.01, largest_step: LARGEST_STEP });
+    }
     let key = keys::require(name, "to be found", "--fit")?;
     let value = scene.get(name);
     // a list with one element is a number: the constants of a law with a single term

@@ -33,6 +33,8 @@ pub(crate) struct Collector {
     energy_ratio: Vec<f64>,
     /// Largest |base reaction - force on the instrument|, N: zero in equilibrium.
     imbalance_n: f64,
+    /// Sum of its squares over the answers, N^2.
+    imbalance_n2: f64,
     /// Largest |force on the instrument|, N.
     peak_n: f64,
     first_time_s: Option<f64>,
@@ -59,6 +61,7 @@ impl Collector {
             effective_radius_m: twin.effective_radius(),
             build_s,
             min_jacobian: 1.0,
+            accuracy: scene.accuracy,
             along: twin.along().clone(),
             instrument: scene.instrument,
             scene_toml: scene.to_toml(),
@@ -71,6 +74,7 @@ impl Collector {
             hash: Xxh3::new(),
             energy_ratio: Vec::new(),
             imbalance_n: 0.0,
+            imbalance_n2: 0.0,
             peak_n: 0.0,
             first_time_s: None,
             snapshot_interval_s: keep
@@ -155,6 +159,7 @@ impl Collector {
         // Both are forces of the tissue on its supports: in equilibrium they sum to zero.
         let unbalanced = std::array::from_fn(|k| prediction.base_force_n[k] + prediction.force_n[k]);
         self.imbalance_n = self.imbalance_n.max(norm(unbalanced));
+        self.imbalance_n2 += dot(unbalanced, unbalanced);
         self.peak_n = self.peak_n.max(norm(prediction.force_n));
     }
 
@@ -259,7 +264,11 @@ impl Collector {
             .filter(|(a, _)| a.predicted_n.abs() >= Health::LOADED * peak)
             .map(|(_, ratio)| *ratio)
             .fold(0.0, f64::max);
-        self.run.force_imbalance = if self.peak_n > 0.0 { self.imbalance_n / self.peak_n } else { 0.0 };
+        if self.peak_n > 0.0 {
+            let mean = self.imbalance_n2 / self.run.answers.len() as f64;
+            self.run.force_imbalance = self.imbalance_n / self.peak_n;
+            self.run.force_imbalance_rms = mean.sqrt() / self.peak_n;
+        }
     }
 
     fn finish_fields(&mut self, twin: &Twin, displacement: Vec<[f64; 3]>) {

@@ -84,6 +84,13 @@ impl Run {
         })
     }
 
+    /// The root mean square of the estimated error of the model over the largest predicted force; 0 without answers or force.
+    #[must_use]
+    pub fn relative_model_error(&self) -> f64 {
+        let largest_n = largest_magnitude(self.answers.iter().map(|a| a.predicted_n)).map_or(0.0, f64::abs);
+        self.model_error().and_then(|error| ratio(error.force_rms_n, largest_n)).unwrap_or(0.0)
+    }
+
     /// Whether the load cell measured the force as a vector: at least two of its components are not always zero.
     #[must_use]
     pub(crate) fn measures_vectors(&self) -> bool {

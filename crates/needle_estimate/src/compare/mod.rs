@@ -192,6 +192,10 @@ pub struct Run {
     pub max_kinetic_to_strain_energy: f64,
     /// Largest |instrument force + base reaction| over the peak force.
     pub force_imbalance: f64,
+    /// The same as a root mean square over the answers.
+    pub force_imbalance_rms: f64,
+    /// Error that the scene allows force and targets (`accuracy`).
+    pub accuracy: f64,
     /// Largest constraint error, m.
     pub constraint_error_m: f64,
     /// Largest share of the strain energy in inverted cells.

@@ -184,6 +184,23 @@ fn measured(
 }
 
 impl Run {
+    /// What is drawn about the force at an answer, N: the ends of the members' band, or else the force less and plus its model's error.
+    #[must_use]
+    pub fn shown_band(&self, answer: usize) -> Option<[f64; 2]> {
+        if self.ensemble.is_some() {
+            return self.band(answer).map(|band| [band.low_n, band.high_n]);
+        }
+        let super::Answer { predicted_n, model_error_n, .. } = *self.answers.get(answer)?;
+        Some([predicted_n - model_error_n, predicted_n + model_error_n])
+            .filter(|ends| ends.iter().all(|f| f.is_finite()))
+    }
+
+    /// What that band is, in words.
+    #[must_use]
+    pub const fn band_name(&self) -> &'static str {
+        if self.ensemble.is_some() { "95 % of members" } else { "error of the model" }
+    }
+
     /// Band of the force at an answer, if there is an ensemble.
     #[must_use]
     pub fn band(&self, answer: usize) -> Option<Band> {
