@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use serde_json::{Map, json};
 
 use super::options::SetOptions;
+use super::urdf::{self, Urdf};
 use super::{CliError, Outcome, print, scene_file};
 use needle_core::scene::keys::{KEYS, SECTIONS};
 use needle_core::scene::size::Estimate;
@@ -30,6 +31,8 @@ enum Verb {
     },
     /// Print a scene, ready to be edited; with --set, as it then is
     Show(Show),
+    /// Describe rig and sample as a robot (URDF), for RViz and ros2_control
+    Urdf(Urdf),
     /// Read and check scenes without running them
     Check {
         /// Presets or scene files
@@ -66,6 +69,7 @@ pub(super) fn run(arguments: Arguments) -> Result<Outcome, CliError> {
         Verb::List { json } => list(json)?,
         Verb::Show(Show { scene: Some(scene), set, section: Some(file), .. }) => draw(&scene, &set, &file)?,
         Verb::Show(show) => print(&show.text()?)?,
+        Verb::Urdf(arguments) => urdf::run(&arguments)?,
         Verb::Check { scenes, set, json } => check(&scenes, &set, json)?,
     }
     Ok(Outcome::Complete)
