@@ -94,7 +94,7 @@ public:
     rclcpp::NodeOptions options;
     options.use_global_arguments(false);
     options.append_parameter_override("use_sim_time", parameter("use_sim_time", "false") == "true");
-    node_ = std::make_shared<rclcpp::Node>(info_.name + "_listener", parameter("namespace", ""), options);
+    node_ = std::make_shared<rclcpp::Node>(info_.name + "_listener", parameter("namespace", "/"), options);
     clock_ = node_->get_clock();
     const auto newest = rclcpp::SensorDataQoS().keep_last(1);
     force_ = node_->create_subscription<geometry_msgs::msg::WrenchStamped>(
