@@ -9,8 +9,9 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     share = FindPackageShare("needle_twin")
-    # Several systems run side by side, each in a namespace and with a clock of its own.
-    own = {"namespace": LaunchConfiguration("namespace"), "remappings": [("/clock", "clock")], "output": "screen"}
+    # Several systems run side by side, each in a namespace, with a clock and a tree of frames of its own.
+    remappings = [("/clock", "clock"), ("/tf", "tf"), ("/tf_static", "tf_static")]
+    own = {"namespace": LaunchConfiguration("namespace"), "remappings": remappings, "output": "screen"}
     return LaunchDescription([
         DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes and of their clock"),
         DeclareLaunchArgument(

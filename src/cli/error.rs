@@ -33,6 +33,12 @@ pub(crate) enum CliError {
         /// Why.
         source: BuildError,
     },
+    /// A sample that has no simple shape needs a file for its surface.
+    #[error("the sample of scene {scene} is a mesh: say with --mesh FILE.stl where its surface is to be written")]
+    NoMeshFile {
+        /// Its name.
+        scene: String,
+    },
     /// A scene has no motion of its own.
     #[error("scene {scene} has no [motion] of its own; give --depth-m (and --speed-m-per-s, --pose-hz)")]
     NoMotion {

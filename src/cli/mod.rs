@@ -31,6 +31,7 @@ mod study;
 mod summary;
 mod tune;
 mod tune_progress;
+mod urdf;
 
 use std::ffi::OsString;
 use std::io::{self, Write as _};

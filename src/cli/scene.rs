@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 use serde_json::{Map, json};
 
 use super::options::SetOptions;
+use super::urdf::{self, Urdf};
 use super::{CliError, Outcome, print, scene_file};
 use needle_core::scene::keys::{KEYS, SECTIONS};
 use needle_core::scene::size::Estimate;
@@ -32,6 +33,8 @@ enum Verb {
     },
     /// Print a scene, ready to be edited; with --set, as it then is
     Show(Show),
+    /// Describe rig and sample as a robot (URDF), for RViz and ros2_control
+    Urdf(Urdf),
     /// Read and check scenes, and try each for a second: what it costs and how far off it is
     Check {
         /// Presets or scene files
@@ -68,6 +71,7 @@ pub(super) fn run(arguments: Arguments) -> Result<Outcome, CliError> {
         Verb::List { json } => list(json)?,
         Verb::Show(Show { scene: Some(scene), set, section: Some(file), .. }) => draw(&scene, &set, &file)?,
         Verb::Show(show) => print(&show.text()?)?,
+        Verb::Urdf(arguments) => urdf::run(&arguments)?,
         Verb::Check { scenes, set, json } => check(&scenes, &set, json)?,
     }
     Ok(Outcome::Complete)

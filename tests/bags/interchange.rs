@@ -6,7 +6,7 @@ use needle_rig::make::RigScene;
 use ros2_messages::{
     RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs,
     schema::{recorded_types, schema},
-    sensor_msgs, std_msgs, to_cdr, visualization_msgs,
+    sensor_msgs, std_msgs, tf2_msgs, to_cdr, visualization_msgs,
 };
 use rosbag2_mcap::{BagReader, BagWriter, Qos, Severity, TopicId, WriterOptions, check};
 use serde_json::{Value, json};
@@ -86,6 +86,7 @@ fn every_message_type_is_read_by_others() {
         geometry_msgs::PoseArray,
         geometry_msgs::PoseWithCovarianceStamped,
         diagnostic_msgs::DiagnosticArray,
+        tf2_msgs::TFMessage,
         own::TissueModel,
         own::TissueState,
         own::TissueEvent,

@@ -110,6 +110,48 @@ finding(sorted(panels(fox["layout"])) == sorted(fox["configById"]), "foxglove.js
 for topic in named:
     finding(topic.strip("/") in topics, f"a layout shows {topic}, which nobody publishes")
 
+# The view: all of one tree of frames, and a robot whose links are those of the command.
+view = {d["Name"]: d for d in displays}
+finding(view["Frames"]["Class"] == "rviz_default_plugins/TF" and view["Frames"]["Enabled"], "needle_twin.rviz shows no frames")
+description = view["Rig"]["Description Topic"]
+finding(description["Value"] == "robot_description" and description["Durability Policy"] == "Transient Local", "needle_twin.rviz: Rig")
+started = ast.parse((scripts / "view.launch.py").read_text())
+words = [[k.value for k in c.keywords if k.arg == "executable"] for c in ast.walk(started) if getattr(getattr(c, "func", None), "id", "") == "Node"]
+started = {w[0].value for w in words}
+finding(started == {"twin_node", "rig_node", "robot_state_publisher", "rviz2", "foxglove_bridge"}, f"view.launch.py starts {started}")
+
+# ros2_control: plugin, description, controllers and launch file name the same things, and what they need is declared.
+control = root / "ros2_control"
+source = (control / "src/sensor.cpp").read_text()
+package = xml.parse(control / "package.xml").getroot()
+needed = {e.text for e in package if e.tag.endswith("depend")}
+for include in re.findall(r'^#include "(\w+)/', source, re.M):
+    finding(include in needed | {"needle_twin_control"}, f"sensor.cpp includes {include}, which ros2_control/package.xml does not name")
+for found in re.findall(r"find_package\((\w+)", (control / "CMakeLists.txt").read_text()):
+    finding(found in needed, f"ros2_control/CMakeLists.txt finds {found}, which its package.xml does not name")
+plugin = xml.parse(control / "needle_twin_control.xml").getroot().find("class")
+exported = f"PLUGINLIB_EXPORT_CLASS({plugin.get('type')}, {plugin.get('base_class_type')})"
+finding(exported in source and "needle_twin_control.xml" in (control / "CMakeLists.txt").read_text(), "the plugin is not exported as it is described")
+robot = xml.parse(control / "urdf/mock_rig.urdf.xacro").getroot()
+sensor = next(e for e in robot.iter("ros2_control") if e.get("type") == "sensor")
+finding(sensor.find("hardware/plugin").text == plugin.get("name"), "mock_rig.urdf.xacro loads another plugin")
+offered = [e.get("name") for e in sensor.iter("state_interface")]
+finding(offered == re.findall(r'"([a-z.]+)"', source[source.index("kInterfaces{"):].split("}")[0]), f"mock_rig.urdf.xacro has the states {offered}")
+for name in (e.get("name") for e in sensor.iter("param")):
+    finding(f'parameter("{name}"' in source, f"mock_rig.urdf.xacro sets {name}, which the plugin does not read")
+joint = next(e for e in robot.iter("ros2_control") if e.get("type") == "system").find("joint").get("name")
+finding(joint in {e.get("name") for e in robot.findall("joint")}, f"mock_rig.urdf.xacro has no joint {joint}")
+controllers = load(control / "config/controllers.yaml")
+kinds = {name for name, value in controllers["controller_manager"]["ros__parameters"].items() if isinstance(value, dict)}
+launched = (control / "launch/mock_rig.launch.py").read_text()
+finding(kinds == set(re.findall(r'"(\w+_(?:broadcaster|controller))"', launched)), f"mock_rig.launch.py spawns others than {kinds}")
+finding(controllers["predicted_force_broadcaster"]["ros__parameters"]["sensor_name"] == sensor.find("sensor").get("name"), "controllers.yaml: sensor_name")
+finding(controllers["insertion_controller"]["ros__parameters"]["joints"] == [joint], "controllers.yaml: joints")
+finding(f'"joint_name": "{joint}"' in launched, "mock_rig.launch.py: joint_name")
+for package_name in set(re.findall(r'package="(\w+)"', launched)) - {"needle_twin_control"}:
+    finding(package_name in needed, f"mock_rig.launch.py starts {package_name}, which ros2_control/package.xml does not name")
+ast.parse(launched)
+
 for path in (scripts / "parameters").glob("*.yaml"):
     finding("ros__parameters" in next(iter(load(path).values())), f"{path.name} has no ros__parameters")
 print("\n".join(findings), end="")

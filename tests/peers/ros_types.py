@@ -34,6 +34,9 @@ TEXTS = {
     "geometry_msgs/PoseWithCovarianceStamped": "std_msgs/Header header\nPoseWithCovariance pose",
     "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
     "geometry_msgs/WrenchStamped": "std_msgs/Header header\nWrench wrench",
+    "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
+    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\nTransform transform",
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "sensor_msgs/JointState":
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
     "sensor_msgs/Range":

@@ -276,3 +276,28 @@ fn the_paper_cites_what_its_bibliography_has() {
     let listed: BTreeSet<String> = keys.map(|(_, key)| key.trim_end_matches(',').to_owned()).collect();
     assert_eq!(cited, listed);
 }
+
+/// Reports to others are of use while their patches fit what is in use here.
+#[test]
+fn patches_for_others_apply_to_the_release_in_the_lock_file() {
+    let metadata = ["metadata", "--format-version", "1", "--locked", "--offline"];
+    let metadata = Command::new(env!("CARGO")).args(metadata).current_dir(root()).output().unwrap();
+    let metadata: serde_json::Value = serde_json::from_slice(&metadata.stdout).unwrap();
+    let all = metadata["packages"].as_array().unwrap();
+    let of = |package: &&serde_json::Value| package["name"] == "rustdds";
+    let manifest = Path::new(all.iter().find(of).unwrap()["manifest_path"].as_str().unwrap());
+    let patches = files(&root().join("docs/lab/upstream"), ".diff");
+    assert!(patches.len() >= 4, "{patches:?}");
+    for patch in patches {
+        // outside of any repository, where git would leave out what is not of it
+        let folder = tempfile::tempdir().unwrap();
+        for file in read(&patch).lines().filter_map(|line| line.strip_prefix("--- a/")) {
+            let copy = folder.path().join(file);
+            fs::create_dir_all(copy.parent().unwrap()).unwrap();
+            fs::copy(manifest.parent().unwrap().join(file), copy).unwrap();
+        }
+        let check = Command::new("git").args(["apply", "--check"]).arg(&patch).current_dir(folder.path()).output();
+        let check = check.unwrap();
+        assert!(check.status.success(), "{}: {}", patch.display(), String::from_utf8_lossy(&check.stderr));
+    }
+}

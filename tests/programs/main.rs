@@ -37,6 +37,7 @@ mod strangers;
 mod synthetic_run;
 mod tissues;
 mod tune;
+mod urdf;
 mod verdict;
 mod vtu;
 #[path = "../wrong/mod.rs"]

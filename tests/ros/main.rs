@@ -21,6 +21,7 @@ mod rig_foreign;
 mod rig_peer;
 #[path = "../common/ros.rs"]
 mod ros;
+mod ros2_control;
 mod ros_arguments;
 mod ros_node;
 mod ros_peer;

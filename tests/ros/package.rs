@@ -52,6 +52,40 @@ fn parameter_files_fit_the_nodes() {
     assert!(output.status.code() == Some(1) && text.contains("position_topic"), "{text}");
 }
 
+#[test]
+fn the_unit_of_systemd_is_sound_and_gives_little_away() {
+    let unit = std::fs::read_to_string(checkout().join("launch-scripts/systemd/needle-twin@.service")).unwrap();
+    // what keeps the sockets to this machine needs it
+    assert!(unit.contains("\nSystemCallFilter=@system-service pidfd_getfd\n"), "{unit}");
+    let folder = tempfile::tempdir().unwrap();
+    let (program, parameters) = ("/usr/local/bin/needle_twin", "/etc/needle_twin/%i.yaml");
+    let start = unit.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
+    let words: Vec<&str> = start.split(' ').collect();
+    assert_eq!((words[0], words.contains(&parameters)), (program, true), "{start}");
+    // its command starts the node that its comments promise
+    let twin = checkout().join("launch-scripts/parameters/twin.yaml").display().to_string();
+    let arguments = words[1..].iter().map(|word| if *word == parameters { &twin } else { *word });
+    let arguments: Vec<&str> =
+        arguments.filter(|word| !word.starts_with('$')).chain(["-p", "autostart:=false"]).collect();
+    let node = Program::start(NEEDLE_TWIN, &arguments, free_domain(), &[]);
+    std::thread::sleep(Duration::from_millis(1200));
+    assert_eq!(node.stop("INT").0, Some(0));
+    let here = folder.path().join("needle-twin@lab.service");
+    std::fs::write(&here, unit.replace(program, NEEDLE_TWIN)).unwrap();
+    let analyze = |arguments: &[&str]| {
+        let output = std::process::Command::new("systemd-analyze").args(arguments).arg(&here).output();
+        output.map(|o| (o.status.success(), String::from_utf8_lossy(&[o.stdout, o.stderr].concat()).into_owned()))
+    };
+    let Ok(verified) = analyze(&["verify", "--man=no"]) else {
+        eprintln!("not tried: no systemd-analyze (Debian: systemd)");
+        return;
+    };
+    assert_eq!(verified, (true, String::new()));
+    // 10 is a service with every right; since systemd 250 it can be told of a file
+    let (kept, said) = analyze(&["security", "--offline=true", "--threshold=20"]).unwrap();
+    assert!(kept || said.contains("unrecognized option"), "{said}");
+}
+
 /// The parameters of each node in a launch file in YAML as launch hands them over: what is written in quotes stays a
 /// string, and what holds a variable has the type of what the variable says.
 fn launched(file: &str) -> Vec<(String, Vec<PathBuf>, Value)> {

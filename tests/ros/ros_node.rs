@@ -2,6 +2,7 @@
 
 mod dump;
 mod events;
+mod frames;
 mod lifecycle;
 mod members;
 mod outputs;

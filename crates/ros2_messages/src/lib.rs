@@ -28,6 +28,7 @@ pub mod schema;
 pub mod sensor_msgs;
 pub mod std_msgs;
 pub mod std_srvs;
+pub mod tf2_msgs;
 mod type_hash;
 pub mod visualization_msgs;
 

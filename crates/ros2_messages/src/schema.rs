@@ -103,6 +103,17 @@ static DEFINITIONS: &[Definition] = &[
          visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n",
         "RIHS01_45b13ccf791f225962bf74e746f9644518855d783a6f42ba0cc14fde2b4f3ce0",
     ),
+    definition("geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n", ""),
+    definition(
+        "geometry_msgs/TransformStamped",
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+        "",
+    ),
+    definition(
+        "tf2_msgs/TFMessage",
+        "geometry_msgs/TransformStamped[] transforms\n",
+        "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    ),
     definition("diagnostic_msgs/KeyValue", "string key\nstring value\n", ""),
     definition(
         "diagnostic_msgs/DiagnosticStatus",

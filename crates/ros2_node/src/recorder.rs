@@ -29,8 +29,9 @@ const WAITING_MESSAGES: usize = 16_384;
 const WAITING_BYTES: usize = 64 << 20;
 /// Longest time until a message reaches the disk.
 const FLUSH: Duration = Duration::from_secs(1);
-/// Recorded only on request: for viewers, large, and computable from `tissue_model` and `tissue_state`.
-const NOT_UNASKED: [&str; 2] = ["tissue_points", "tissue_surface"];
+/// Recorded only on request: for viewers, and computable from `tissue_model` and `tissue_state`, or from poses. Frames that were
+/// recorded would contradict those of a twin that the recording is played to.
+const NOT_UNASKED: [&str; 4] = ["tissue_points", "tissue_surface", "/tf", "/tf_static"];
 
 parameters! {
     /// What a node that can record declares.
@@ -47,8 +48,8 @@ parameters! {
     RECORD_TOPICS: Vec<String> = Parameter::new(
         "record_topics",
         [],
-        "Topics to record, by their names here or on the network; empty: all but tissue_points and tissue_surface, which \
-         follow from tissue_model and tissue_state.",
+        "Topics to record, by their names here or on the network; empty: all but tissue_points, tissue_surface, /tf \
+         and /tf_static, which follow from the others.",
     )
     .fixed();
 }

@@ -47,7 +47,7 @@ parameters! {
     START_PAUSED: bool = Parameter::new("start_paused", false, "Wait for ~/resume.").fixed();
     DELAY: f64 = Parameter::real("delay", 0.0, [0.0, 3600.0], "Wait so long before playing, s.").fixed();
     CLOCK_HZ: f64 = Parameter::real("clock_hz", 100.0, [0.0, 10_000.0], "Rate of /clock; 0: no clock.").fixed();
-    TOPICS: Vec<String> = Parameter::new("topics", [], "Topics to play; empty: all.").fixed();
+    TOPICS: Vec<String> = Parameter::new("topics", [], "Topics to play; empty: all, but of /tf not needle_tip, which the twin publishes.").fixed();
     EXCLUDE_TOPICS: Vec<String> = Parameter::new("exclude_topics", [], "Topics not to play.").fixed();
     PLAYBACK_DURATION: f64 = Parameter::real(
         "playback_duration",

@@ -176,6 +176,7 @@ fn play(mut start: Start, parameters: &Arc<Parameters>, player: Player, signals:
     let wishes = Wishes {
         clock_hz: parameters.get(declared::CLOCK_HZ),
         relative_names: parameters.get(declared::RELATIVE_NAMES),
+        topics: parameters.get(declared::TOPICS),
         position: declared::position_source(parameters),
         force: declared::force_source(parameters),
     };

@@ -13,6 +13,8 @@ use ros2_messages::geometry_msgs::WrenchStamped;
 use ros2_messages::rosgraph_msgs::Clock;
 use ros2_messages::schema::Schema;
 use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::tf2_msgs::TFMessage;
+use ros2_messages::{RosMessage as _, from_cdr};
 use ros2_node::names::Endpoint;
 use ros2_node::participant::{Output, Participant, ParticipantError};
 use ros2_node::qos;
@@ -22,10 +24,17 @@ use rosbag2_mcap::{BagReader, Message, Topic};
 /// Topics that exist once per system; a namespace does not apply to them.
 const OF_THE_SYSTEM: [&str; 6] = ["/clock", "/tf", "/tf_static", "/diagnostics", "/rosout", "/parameter_events"];
 
+/// Topics of transforms.
+const FRAMES: [&str; 2] = ["/tf", "/tf_static"];
+/// The frame that a twin publishes from the poses that are played.
+const TIP: &str = "needle_tip";
+
 /// The parameters of the outputs.
 pub(super) struct Wishes {
     pub clock_hz: f64,
     pub relative_names: bool,
+    /// Topics that the user asks for by name.
+    pub topics: Vec<String>,
     pub position: Option<PositionSource>,
     pub force: Option<ForceSource>,
 }
@@ -35,6 +44,8 @@ enum Sink {
     AsRecorded(Output<RawCdr>),
     Position(Output<JointState>, PositionSource),
     Force(Output<WrenchStamped>, ForceSource),
+    /// Recorded transforms without that of the tip.
+    Frames(Output<TFMessage>),
 }
 
 /// See the module.
@@ -47,7 +58,7 @@ pub(super) struct Outputs {
 impl Outputs {
     /// One publisher per played topic, with the recorded QoS.
     pub(crate) fn new(participant: &mut Participant, player: &Player, wishes: Wishes) -> Result<Self, NodeError> {
-        let Wishes { clock_hz, relative_names, position, force } = wishes;
+        let Wishes { clock_hz, relative_names, topics, position, force } = wishes;
         let mut by_topic: BTreeMap<usize, Vec<Sink>> = BTreeMap::new();
         let bag = player.bag();
         if let Some(source) = position
@@ -67,7 +78,12 @@ impl Outputs {
             if by_topic.contains_key(&index) || is_made_here(participant, topic, name, clock_hz, &by_topic)? {
                 continue;
             }
-            if let Some(output) = as_recorded(participant, topic, name)? {
+            let asked = topics.contains(&topic.name);
+            if FRAMES.contains(&name) && topic.type_name == TFMessage::TYPE && topic.encoding == "cdr" && !asked {
+                if let Some(output) = as_recorded(participant, topic, name)? {
+                    by_topic.insert(index, vec![Sink::Frames(output)]);
+                }
+            } else if let Some(output) = as_recorded(participant, topic, name)? {
                 by_topic.insert(index, vec![Sink::AsRecorded(output)]);
             }
         }
@@ -96,6 +112,14 @@ impl Outputs {
                     let raw = RawCdr::from_bag(message.data.clone())
                         .map_err(|start| format!("it starts with {start}, which is not little-endian CDR"))?;
                     output.send(raw);
+                }
+                Sink::Frames(output) => {
+                    let mut frames: TFMessage = from_cdr(&message.data).map_err(|error| error.to_string())?;
+                    let is_tip = |frame: &str| frame.rsplit('/').next() == Some(TIP);
+                    frames.transforms.retain(|transform| !is_tip(&transform.child_frame_id));
+                    if !frames.transforms.is_empty() {
+                        output.send(frames);
+                    }
                 }
                 Sink::Position(output, source) => {
                     output.send(source.convert(bag, &message)?);
@@ -128,7 +152,7 @@ fn is_made_here(
     }
     let full = participant.names().resolve(name, Endpoint::Topic)?;
     let taken = by_topic.values().flatten().any(|sink| match sink {
-        Sink::AsRecorded(_) => false,
+        Sink::AsRecorded(_) | Sink::Frames(_) => false,
         Sink::Position(output, _) => output.topic() == full,
         Sink::Force(output, _) => output.topic() == full,
     });
@@ -139,11 +163,11 @@ fn is_made_here(
 }
 
 /// A publisher for a recorded topic; `None` if it can't be played.
-fn as_recorded(
+fn as_recorded<M: serde::Serialize>(
     participant: &mut Participant,
     topic: &Topic,
     name: &str,
-) -> Result<Option<Output<RawCdr>>, ParticipantError> {
+) -> Result<Option<Output<M>>, ParticipantError> {
     let Some((package, type_name)) = topic.type_name.split_once("/msg/").filter(|_| topic.encoding == "cdr") else {
         tracing::warn!(
             "{} can't be played: type `{}`, encoding `{}` (expected package/msg/Type and cdr)",

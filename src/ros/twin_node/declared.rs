@@ -30,6 +30,18 @@ parameters! {
         "Frame of the outputs, and the one that measured_cp must be in.",
     )
     .fixed();
+    PUBLISH_TF: bool = Parameter::new(
+        "publish_tf",
+        true,
+        "Publish /tf_static and /tf: frame_id in parent_frame_id, needle_tip in frame_id, load_cell in needle_tip.",
+    )
+    .fixed();
+    PARENT_FRAME_ID: String = Parameter::new(
+        "parent_frame_id",
+        "world",
+        "Frame in which frame_id is published, at its origin, with publish_tf; empty: somebody else says where the sample is.",
+    )
+    .fixed();
     TISSUE_RATE_HZ: f64 = Parameter::real(
         "tissue_rate_hz",
         20.0,

@@ -9,7 +9,9 @@ use super::identification::Identification;
 use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
 use super::solver::{Answer, Event, Progress, Sighting};
+use super::tf::{self, Transforms};
 use needle_core::instrument::reading::COORDINATE_M;
+use needle_core::scene::Scene;
 use needle_core::twin::Prediction;
 use needle_estimate::compare::crossing::{Crossing, Crossings};
 use ros2_messages::builtin_interfaces::Time;
@@ -60,21 +62,28 @@ pub(super) struct ForceOutputs {
     region: Output<Text>,
     events: Output<TissueEvent>,
     assurance: Assurance,
+    transforms: Option<Transforms>,
 }
 
 impl ForceOutputs {
-    pub(crate) fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(
+        participant: &mut Participant,
+        parameters: &Parameters,
+        scene: &Scene,
+    ) -> Result<Self, ParticipantError> {
         Ok(Self {
             force: participant.publisher("predicted_cf", qos::reliable(10))?,
             comparison: participant.publisher("comparison", qos::reliable(10))?,
             region: participant.publisher("region", qos::latched())?,
             events: participant.publisher("events", qos::latest(EVENTS))?,
             assurance: Assurance::new(participant, parameters)?,
+            transforms: Transforms::new(participant, parameters, scene)?,
         })
     }
 
     pub(crate) fn failed(&self) -> u64 {
-        self.force.failed() + self.comparison.failed() + self.region.failed() + self.events.failed()
+        let transforms = self.transforms.as_ref().map_or(0, Transforms::failed);
+        self.force.failed() + self.comparison.failed() + self.region.failed() + self.events.failed() + transforms
     }
 }
 
@@ -94,10 +103,17 @@ pub(super) fn run(
     let mut refusals = Throttle::new(SAID_AGAIN);
     let mut untracked = Throttle::new(Duration::from_secs(600));
     let mut due = Instant::now();
+    let mut tip = tf::Newest::new(due);
+    let transforms = outputs.transforms.as_ref();
+    transforms.inspect(|transforms| transforms.announce(shared.clock.stamp()));
     let mut region: Option<String> = None;
     loop {
-        match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
+        let next = tip.due().map_or(due, |tip| tip.min(due));
+        match events.recv_timeout(next.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
+                if transforms.is_some() && shared.is_active() {
+                    tip.put(Some((answer.stamp, answer.pose.pose)));
+                }
                 if answered(outputs, frame_id, shared, &mut comparator, &answer) {
                     said.answered(&answer);
                     members.inspect(|newest| newest.put(Answered::of(&answer)));
@@ -130,6 +146,7 @@ pub(super) fn run(
             }
             Ok(Event::Reset(reason)) => {
                 comparator.reset();
+                tip.put(None);
                 members.inspect(|newest| newest.reset());
                 said.reset();
                 seen.reset();
@@ -160,6 +177,9 @@ pub(super) fn run(
             due = if now - due > period { now + period } else { due + period };
         }
         outputs.assurance.publish(frame_id, &mut said, shared, is_due);
+        if let (Some(transforms), Some((stamp, pose))) = (transforms, tip.take(now)) {
+            transforms.moved(stamp, &pose);
+        }
     }
 }
 

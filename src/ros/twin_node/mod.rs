@@ -35,6 +35,7 @@ mod solver;
 mod status;
 mod stretch;
 mod supervisor;
+mod tf;
 mod tissue;
 mod tracked;
 mod under_way;
@@ -170,7 +171,7 @@ fn twin(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
         });
     }
     let (scene, parameters) = configure(&start)?;
-    let node = Node::new(&mut start, &parameters)?;
+    let node = Node::new(&mut start, &scene, &parameters)?;
     node.run(start, scene, parameters, signals)
 }
 
@@ -213,7 +214,7 @@ struct Node {
 
 impl Node {
     /// Creates every endpoint and joins the network.
-    fn new(start: &mut Start, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
+    fn new(start: &mut Start, scene: &Scene, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
         let mut participant = start.participant()?;
         let mapping = start::mapping(parameters, &start.environment);
         participant.set_mapping(mapping);
@@ -222,7 +223,7 @@ impl Node {
         let clock = NodeClock::new(parameters.get(start::USE_SIM_TIME));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;
-        let force = ForceOutputs::new(&mut participant, parameters)?;
+        let force = ForceOutputs::new(&mut participant, parameters, scene)?;
         let page = Page::open(parameters, &shared, participant.bell())?;
         let mut tissue = TissueOutputs::new(&mut participant)?;
         tissue.viewers.page = page.as_ref().map(|page| Arc::clone(&page.board));

@@ -44,6 +44,8 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
         (publisher, "rt/region", "std_msgs::msg::dds_::String_ reliable latched"),
         (publisher, "rt/safe_to_go_on", "std_msgs::msg::dds_::Bool_ reliable"),
         (publisher, "rt/safety", "needle_twin::msg::dds_::Safety_ reliable"),
+        (publisher, "rt/tf", "tf2_msgs::msg::dds_::TFMessage_ reliable"),
+        (publisher, "rt/tf_static", "tf2_msgs::msg::dds_::TFMessage_ reliable latched"),
         (publisher, "rt/diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_ reliable"),
         (publisher, "rt/twin/transition_event", "lifecycle_msgs::msg::dds_::TransitionEvent_ reliable"),
         (publisher, "rt/parameter_events", "rcl_interfaces::msg::dds_::ParameterEvent_ reliable"),

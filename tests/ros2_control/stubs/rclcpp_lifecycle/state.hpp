@@ -1,0 +1,8 @@
+// See ../README.md.
+#pragma once
+namespace rclcpp_lifecycle
+{
+class State
+{
+};
+}  // namespace rclcpp_lifecycle
