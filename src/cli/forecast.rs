@@ -282,16 +282,18 @@ impl Arguments {
         }
         let fits: Vec<&Fits> =
             others.iter().filter(|taught| taught.scene == scene.name).map(|taught| &taught.fits).collect();
-        let mut scene = scene;
+        let (mut scene, mut samples) = (scene, Vec::new());
         if let Some(learnt) = learnt_law::learnt(&fits).filter(|_| learnt_law::is_open(&scene, &keys)) {
             made.law = Some(learnt.words());
+            samples = learnt.samples(&scene).map_err(|e| e.to_string())?;
             keys = learnt.wanted(&keys, &scene);
             scene = learnt.scene(&scene).map_err(|e| e.to_string())?;
         }
         let mut watch = cancel.clone();
         // the tissue's relaxation would be taken for a drift, and carried on
         let load_cell = LoadCell::Offset;
-        forecast::predict(&blind, &scene, &keys, load_cell, by_pose, &mut watch, &mut |_| {}).map_err(|e| e.to_string())
+        forecast::predict(&blind, &scene, &keys, load_cell, by_pose, &samples, &mut watch, &mut |_| {})
+            .map_err(|e| e.to_string())
     }
 
     /// Reads the recordings once more, and compares.

@@ -11,6 +11,7 @@
 //! (e F)^2                              e: relative standard uncertainty of the force
 //! (m F)^2,  m = rmse / peak            misfit of the fitted part: what the model lacks grows with the force
 //! rmse^2                               noise of a reading, and misfit
+//! sum_j (F_j - F)^2 (1 + 1/n) / (n - 1)    F_j: with the law of each of n other samples, its scale fitted to the first part
 //! ```
 
 use std::borrow::Cow;
@@ -150,7 +151,8 @@ pub struct Prediction {
     placement: Align,
 }
 
-/// Fits and predicts. `scene` has the start of the search, and the poses are taken as poses if `by_pose`.
+/// Fits and predicts. `scene` has the start of the search, and the poses are taken as poses if `by_pose`. `samples` are scenes with the laws
+/// of other samples, where the scene's law was learnt from them: how far they are apart widens the band.
 ///
 /// # Errors
 /// [`ForecastError`] if the fit has no result.
@@ -160,6 +162,7 @@ pub fn predict(
     wanted: &[Wanted],
     load_cell: LoadCell,
     by_pose: bool,
+    samples: &[Scene],
     watch: &mut dyn Watch,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Prediction, ForecastError> {
@@ -191,8 +194,11 @@ pub fn predict(
     let force_n: Vec<f64> = (0..run.answers.len()).map(|i| run.answers[i].predicted_n + added(i)).collect();
     let (depth_m, time_s): (Vec<f64>, Vec<f64>) =
         (0..run.answers.len()).map(|i| (run.answers[i].depth_m, at(i))).unzip();
-    let deviation_n = deviation(&calibration, &run, &all, watch, tell)?;
+    let mut deviation_n = deviation(&calibration, &run, &all, watch, tell)?;
     let fitted = measured(&placed, &calibration.scene, &time_s);
+    let unloaded = |i: usize| force_n[i] - run.answers[i].predicted_n;
+    let net: Vec<(usize, f64)> = fitted.iter().map(|&(i, force)| (i, force - unloaded(i))).collect();
+    widen(&mut deviation_n, &run, &net, samples, &all, watch)?;
     let baselines = baseline::forecasts(Some(&calibration.scene), &depth_m, &fitted, &[]);
     let mut losses = run.losses.clone();
     losses.extend(run.diverged.clone());
@@ -294,6 +300,36 @@ fn deviation(
         sum.max(0.0).sqrt()
     };
     Ok((0..nominal.len()).map(variance).collect())
+}
+
+/// Adds how far other samples' laws are apart; see the module. `net`: the force at the fitted poses without the load cell's zero.
+fn widen(
+    deviation_n: &mut [f64],
+    run: &Run,
+    net: &[(usize, f64)],
+    samples: &[Scene],
+    readings: &[Reading],
+    watch: &mut dyn Watch,
+) -> Result<(), ForecastError> {
+    let mut curves = Vec::new();
+    for scene in samples {
+        let other: Vec<f64> = self::run(scene, readings, watch)?.answers.iter().map(|a| a.predicted_n).collect();
+        if other.len() == run.answers.len() {
+            let (products, squares) =
+                net.iter().fold((0.0, 0.0), |(p, s), &(i, n)| (p + n * other[i], s + other[i] * other[i]));
+            let scale = products / squares;
+            curves.extend(Some(other.iter().map(|f| scale * f).collect::<Vec<f64>>()).filter(|_| scale.is_finite()));
+        }
+    }
+    let n = curves.len() as f64;
+    if n >= 2.0 {
+        let share = (1.0 + 1.0 / n) / (n - 1.0);
+        for (i, deviation) in deviation_n.iter_mut().enumerate() {
+            let apart: f64 = curves.iter().map(|curve| (curve[i] - run.answers[i].predicted_n).powi(2)).sum();
+            *deviation = deviation.hypot((share * apart).sqrt());
+        }
+    }
+    Ok(())
 }
 
 /// The error over one part of the predicted depth.

@@ -96,6 +96,8 @@ pub struct Fits {
 pub struct Learnt {
     law: usize,
     constants: Vec<f64>,
+    /// Those of each recording.
+    samples: Vec<Vec<f64>>,
     /// Number of recordings it comes from.
     from: usize,
 }
@@ -175,7 +177,8 @@ pub fn learnt(others: &[&Fits]) -> Option<Learnt> {
             // a mean of constants in Pa is the mean of the force curves
             let mean = |k: usize| shapes.iter().map(|shape| shape.constants[k]).sum::<f64>() / shapes.len() as f64;
             let constants = (0..constants.len()).map(mean).collect::<Vec<f64>>();
-            best = (error, constants.len(), Some(Learnt { law, constants, from: shapes.len() }));
+            let samples: Vec<Vec<f64>> = shapes.iter().map(|shape| shape.constants.clone()).collect();
+            best = (error, constants.len(), Some(Learnt { law, constants, from: samples.len(), samples }));
         }
     }
     best.2
@@ -216,6 +219,15 @@ impl Learnt {
     /// [`SceneError`] if the scene does not take it.
     pub fn scene(&self, scene: &Scene) -> Result<Scene, SceneError> {
         LAWS[self.law].scene(scene, scene.material.shear_modulus(), &self.constants)
+    }
+
+    /// The scenes with the law of each of the recordings that it was learnt from.
+    ///
+    /// # Errors
+    /// [`SceneError`] if the scene does not take one.
+    pub fn samples(&self, scene: &Scene) -> Result<Vec<Scene>, SceneError> {
+        let modulus = scene.material.shear_modulus();
+        self.samples.iter().map(|constants| LAWS[self.law].scene(scene, modulus, constants)).collect()
     }
 
     /// The keys to fit: the factor on all constants in Pa in place of the modulus, over as many times it.
@@ -278,7 +290,9 @@ mod tests {
         let wanted = [Wanted { key: MODULUS.to_owned(), bounds: Some([0.5 * modulus, 2.0 * modulus]) }];
         assert!(is_open(&scene, &wanted) && !is_open(&scene, &[]));
         for (law, Law { constants, .. }) in LAWS.iter().enumerate() {
-            let learnt = Learnt { law, constants: constants.iter().map(|c| c.start).collect(), from: 2 };
+            let start: Vec<f64> = constants.iter().map(|c| c.start).collect();
+            let learnt = Learnt { law, constants: start.clone(), samples: vec![start], from: 2 };
+            assert_eq!(learnt.samples(&scene).unwrap()[0].material, learnt.scene(&scene).unwrap().material);
             let changed = learnt.scene(&scene).unwrap();
             assert!((changed.material.shear_modulus() / modulus - 1.0).abs() < 1e-9, "{}", learnt.words());
             let keys = learnt.wanted(&wanted, &scene);
