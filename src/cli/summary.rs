@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use super::progress::hundredths;
 use needle_core::scene::Uncertain;
 use needle_core::twin::Event;
 use needle_estimate::compare::alignment::{Alignment, Found};
