@@ -60,7 +60,8 @@ fn the_bill_of_materials_names_what_is_linked_and_a_damaged_one_is_refused() {
 /// What an administrator finds after `dpkg -i`; skipped where there is no dpkg-deb.
 #[test]
 fn the_package_holds_programs_pages_completions_and_licences() {
-    if Command::new("dpkg-deb").arg("--version").output().is_err() || Command::new("strip").arg("-V").output().is_err() {
+    if Command::new("dpkg-deb").arg("--version").output().is_err() || Command::new("strip").arg("-V").output().is_err()
+    {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -97,7 +98,8 @@ fn the_package_holds_programs_pages_completions_and_licences() {
     assert!(program.status.success(), "{program:?}");
     let systemd = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch-scripts/systemd");
     let units = fs::read_dir(systemd).map_or(0, |of| {
-        of.filter(|file| file.as_ref().is_ok_and(|file| file.path().extension().is_some_and(|e| e == "service"))).count()
+        of.filter(|file| file.as_ref().is_ok_and(|file| file.path().extension().is_some_and(|e| e == "service")))
+            .count()
     });
     let packed = fs::read_dir(root.join("usr/lib/systemd/system")).map_or(0, Iterator::count);
     assert_eq!(packed, units, "units of launch-scripts/systemd");

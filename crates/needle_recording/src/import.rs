@@ -42,7 +42,8 @@ impl Extents {
             Sample::Force(s) => (2, "force", "N", s.time_s, s.force_n[2]),
             Sample::Markers(_) => return,
         };
-        let begun = || Extent { what, samples: 0, from_to_s: [time_s; 2], range: [f64::INFINITY, -f64::INFINITY], unit };
+        let begun =
+            || Extent { what, samples: 0, from_to_s: [time_s; 2], range: [f64::INFINITY, -f64::INFINITY], unit };
         let extent = self.0[k].get_or_insert_with(begun);
         extent.samples += 1;
         extent.from_to_s[1] = time_s;
@@ -127,8 +128,7 @@ impl<'a> Import<'a> {
             return Ok((self.recording.extents(), written));
         };
         let has = changes.counts.map(|count| count > 0);
-        let mut topics =
-            folder.map(|folder| Topics::create(&self.recording, has, folder, scene)).transpose()?;
+        let mut topics = folder.map(|folder| Topics::create(&self.recording, has, folder, scene)).transpose()?;
         let mut extents = Extents::default();
         let mut counts = [0; 4];
         self.each(changes, |which, sample| {
@@ -304,7 +304,9 @@ mod tests {
         assert!(of("plain.csv", plain.clone()));
         assert!(of("lost.csv", plain.replace("12.3450,", "12.3450,over")), "a lost row is counted, and is no disorder");
         assert!(of("foot.csv", plain.clone() + "end of the test\n"));
-        let gaps = |i: u32| if i % 3 == 0 { format!("{:.4},,0.25\n", time(i)) } else { format!("{:.4},{:.5},\n", time(i), depth(i)) };
+        let gaps = |i: u32| {
+            if i % 3 == 0 { format!("{:.4},,0.25\n", time(i)) } else { format!("{:.4},{:.5},\n", time(i), depth(i)) }
+        };
         assert!(of("gaps.csv", rows(&gaps)), "an empty cell is no reading");
         assert!(of("no_force.csv", rows(&|i| format!("{:.4},{:.5},\n", time(i), depth(i)))));
         // what must be in memory
@@ -328,7 +330,8 @@ mod tests {
         let motion = file("motion.csv", &rows(&|i| format!("{:.4} {:.5}\n", time(i), depth(i))));
         let cell = rows(&|i| format!("{:.5};{:.5}\n", time(i) * 0.77 + 3.0, depth(i) * -3.0));
         let cell = file("cell.csv", &format!("Zeit (s);Kraft (mN)\n{cell}"));
-        let mut said = Selection { time: vec!["1".to_owned()], time_unit: vec!["s".to_owned()], ..Selection::default() };
+        let mut said =
+            Selection { time: vec!["1".to_owned()], time_unit: vec!["s".to_owned()], ..Selection::default() };
         said.position = Quantity { place: Some("2".to_owned()), unit: Some("mm".to_owned()), ..Quantity::default() };
         said.force = Quantity { place: Some("Kraft".to_owned()), ..Quantity::default() };
         assert!(streamed(&[motion.clone(), cell.clone()], &said));

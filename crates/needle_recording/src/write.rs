@@ -135,8 +135,7 @@ impl Recording {
     /// # Errors
     /// [`BagError`] if the folder exists, or can't be written.
     pub fn write(&self, folder: &Path, scene: Option<&str>) -> Result<Written, BagError> {
-        let empty =
-            [self.depths.is_empty(), self.poses.is_empty(), self.forces.is_empty(), self.markers.is_empty()];
+        let empty = [self.depths.is_empty(), self.poses.is_empty(), self.forces.is_empty(), self.markers.is_empty()];
         let mut topics = Topics::create(self, empty.map(|empty| !empty), folder, scene)?;
         self.in_time().try_for_each(|sample| topics.write(&sample))?;
         topics.finish()
