@@ -305,7 +305,11 @@ mod tests {
         assert!(of("lost.csv", plain.replace("12.3450,", "12.3450,over")), "a lost row is counted, and is no disorder");
         assert!(of("foot.csv", plain.clone() + "end of the test\n"));
         let gaps = |i: u32| {
-            if i % 3 == 0 { format!("{:.4},,0.25\n", time(i)) } else { format!("{:.4},{:.5},\n", time(i), depth(i)) }
+            if i.is_multiple_of(3) {
+                format!("{:.4},,0.25\n", time(i))
+            } else {
+                format!("{:.4},{:.5},\n", time(i), depth(i))
+            }
         };
         assert!(of("gaps.csv", rows(&gaps)), "an empty cell is no reading");
         assert!(of("no_force.csv", rows(&|i| format!("{:.4},{:.5},\n", time(i), depth(i)))));
