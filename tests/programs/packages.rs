@@ -102,6 +102,10 @@ fn the_package_holds_programs_pages_completions_and_licences() {
     });
     let packed = fs::read_dir(root.join("usr/lib/systemd/system")).map_or(0, Iterator::count);
     assert_eq!(packed, units, "units of launch-scripts/systemd");
+    for unit in fs::read_dir(root.join("usr/lib/systemd/system")).into_iter().flatten() {
+        let unit = fs::read_to_string(unit.unwrap().path()).unwrap();
+        assert!(!unit.contains("/usr/local/") && unit.contains("ExecStart=/usr/bin/needle_twin"), "{unit}");
+    }
 }
 
 #[test]
