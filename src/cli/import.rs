@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::recorded::SourceOptions;
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
-use needle_recording::{Column, Recording, RecordingError, Table, TopicNames, tables};
+use needle_recording::{Column, Extent, Import, Table, TopicNames};
 
 /// Make a bag of tables (CSV, TSV, .xlsx, .npy, .npz), or of a bag with other topics and units
 ///
@@ -52,19 +52,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let mut sources = arguments.sources.clone();
     sources.force_topic = sources.force_topic.or_else(|| arguments.force_column.clone());
     let said = sources.selection(TopicNames::default());
-    let is_bag = matches!(&arguments.files[..], [bag] if needle_recording::is_bag(bag));
-    let mut read = if is_bag { Vec::new() } else { tables(&arguments.files, &said).map_err(RecordingError::from)? };
-    let recording = match is_bag {
-        true => Recording::open(&arguments.files, &said)?,
-        false => Recording::of_tables(&mut read, &said)?,
-    };
-    recording.warnings.iter().for_each(|text| warn(text));
-    recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    let import = Import::open(&arguments.files, &said)?;
+    let told = import.told();
+    told.warnings.iter().for_each(|text| warn(text));
+    told.losses.iter().for_each(|loss| warn(&loss.to_string()));
     let bag = arguments.out.as_deref().filter(|_| !arguments.dry_run);
-    let made = bag.map(|folder| recording.write(folder, arguments.scene.as_deref())).transpose()?;
+    let (extents, made) = import.write(bag, arguments.scene.as_deref())?;
     let files: Vec<PathBuf> = made.iter().map(|made| made.folder.clone()).collect();
-    print(&if arguments.json { json_of(&read, &recording, &files) } else { text_of(&read, &recording, &files) })?;
-    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+    let said = if arguments.json { json_of(&import, &extents, &files) } else { text_of(&import, &extents, &files) };
+    print(&said)?;
+    Ok(if told.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
 }
 
 /// Each column with what it is taken for.
@@ -79,35 +76,9 @@ fn columns(table: &Table) -> Vec<(&'static str, &Column)> {
     all
 }
 
-/// Number, duration and range of one series.
-struct Extent {
-    what: &'static str,
-    samples: usize,
-    from_to_s: [f64; 2],
-    range: [f64; 2],
-    unit: &'static str,
-}
-
-fn extents(recording: &Recording) -> Vec<Extent> {
-    fn of(
-        what: &'static str,
-        unit: &'static str,
-        series: impl DoubleEndedIterator<Item = (f64, f64)> + ExactSizeIterator + Clone,
-    ) -> Option<Extent> {
-        let (first, last) = (series.clone().next()?.0, series.clone().next_back()?.0);
-        let samples = series.len();
-        let range = series.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], (_, v)| [a.min(v), b.max(v)]);
-        Some(Extent { what, samples, from_to_s: [first, last], range, unit })
-    }
-    let depths = recording.depths.iter().map(|s| (s.time_s, s.depth_m));
-    let poses = recording.poses.iter().map(|s| (s.time_s, s.tip[2]));
-    let forces = recording.forces.iter().map(|s| (s.time_s, s.force_n[2]));
-    [of("depth", "m", depths), of("tip's z", "m", poses), of("force", "N", forces)].into_iter().flatten().collect()
-}
-
-fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
+fn text_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
     let mut lines = Vec::new();
-    for table in read {
+    for table in &import.tables {
         lines.push(("table", format!("{}: {}, {} rows", table.file, table.layout, table.rows)));
         for (what, column) in columns(table) {
             let Column { index, name, unit, scale, zero } = column;
@@ -116,7 +87,7 @@ fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
             lines.push((what, format!("column {} `{name}`, in {unit}{zero}{sign}", index + 1)));
         }
     }
-    for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in extents(recording) {
+    for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in extents {
         let [low, high] = [low + 0.0, high + 0.0]; // no -0
         lines.push((what, format!("{samples} readings from {a:.3} to {b:.3} s, from {low:.6} to {high:.6} {unit}")));
     }
@@ -128,22 +99,22 @@ fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
     text
 }
 
-fn json_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
+fn json_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
     let column = |(what, c): (&str, &Column)| json!({ "what": what, "column": c.index + 1, "header": c.name, "unit": c.unit, "si_per_unit": c.scale, "zero": c.zero });
     let table = |t: &Table| {
         let taken: Vec<Value> = columns(t).into_iter().map(column).collect();
         json!({ "file": t.file, "layout": t.layout, "rows": t.rows, "rows_without_numbers": t.bad, "columns": taken })
     };
-    let series = extents(recording).into_iter().map(|e| {
+    let series = extents.iter().map(|e| {
         json!({ "what": e.what, "readings": e.samples, "from_s": e.from_to_s[0], "to_s": e.from_to_s[1],
                 "least": e.range[0], "largest": e.range[1], "unit": e.unit })
     });
     let value = json!({
-        "tables": read.iter().map(table).collect::<Vec<_>>(),
+        "tables": import.tables.iter().map(table).collect::<Vec<_>>(),
         "series": Value::from_iter(series),
         "bag": files.first().map(|f| f.display().to_string()),
-        "losses": recording.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "warnings": recording.warnings,
+        "losses": import.told().losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "warnings": import.told().warnings,
     });
     format!("{value:#}\n")
 }

@@ -198,10 +198,15 @@ fn line(answer: &Answer, elapsed: Duration) -> String {
     )
 }
 
-/// A positive number with two significant figures, never in powers of ten.
-fn two_figures(x: f64) -> String {
+/// A positive number with two significant figures, never in powers of ten: a run that is slow says how slow.
+pub(super) fn two_figures(x: f64) -> String {
     let decimals = (1.0 - x.max(1e-4).log10().floor()).clamp(1.0, 5.0) as usize;
     if x.is_finite() { format!("{x:.decimals$}") } else { "?".to_owned() }
+}
+
+/// A positive number to a hundredth, and with two significant figures where that leaves none.
+pub(super) fn hundredths(x: f64) -> String {
+    if x < 0.1 { two_figures(x) } else { format!("{x:.2}") }
 }
 
 /// Time that the poses which are left take if each takes as long as those so far.
@@ -307,6 +312,7 @@ mod tests {
     #[test]
     fn a_slow_run_says_how_slow_and_how_long() {
         assert_eq!([0.0031, 0.25, 7.26, 123.4].map(two_figures), ["0.0031", "0.25", "7.3", "123.4"]);
+        assert_eq!([0.0024, 0.096, 0.25, 72.31].map(hundredths), ["0.0024", "0.096", "0.25", "72.31"]);
         assert_eq!(left(Duration::from_secs(10), 5, 20), "30 s");
         assert_eq!(left(Duration::from_secs(10), 1, 100_000), "277.8 h");
     }

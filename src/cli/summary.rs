@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use super::progress::hundredths;
 use needle_core::scene::Uncertain;
 use needle_core::twin::Event;
 use needle_estimate::compare::alignment::{Alignment, Found};
@@ -144,7 +145,7 @@ fn ensemble(run: &Run, ensemble: &Ensemble) -> String {
 }
 
 fn speed(run: &Run) -> String {
-    let factor = run.real_time_factor().map_or_else(|| "-".to_owned(), |f| format!("{f:.2}"));
+    let factor = run.real_time_factor().map_or_else(|| "-".to_owned(), hundredths);
     let step = run.step_us().map_or_else(String::new, |us| format!(", {us:.1} us per step"));
     format!(
         "real-time factor {factor} ({:.2} s in {:.2} s{step}, built in {:.2} s)",

@@ -10,6 +10,7 @@ use clap::Args;
 
 use super::interrupt::Interrupt;
 use super::options::{SetOptions, ThreadOptions};
+use super::progress::two_figures;
 use super::tune_progress::{Shown, best_so_far};
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_core::scene::{Motion, Override, Scene, Seconds};
@@ -380,10 +381,11 @@ fn proof(run: &Run, reference_solution: &ReferenceSolution, goal: Goal) -> Proof
     let told = error.map_or_else(|| "ended early".to_owned(), |e| format!("{:.2} %{at}", 100.0 * e));
     Proof {
         text: format!(
-            "run of the written scene: largest error of the force {told} of {} %: {}; {factor:.1} times real time at {} Hz: \
+            "run of the written scene: largest error of the force {told} of {} %: {}; {} times real time at {} Hz: \
              {}{latency}\n",
             accuracy_percent(goal.tolerance),
             met(right),
+            two_figures(factor),
             goal.pose_hz,
             met(factor >= 1.0),
         ),

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::progress::{LINE, span};
+use super::progress::{LINE, span, two_figures};
 use needle_studies::progress::Now;
 use needle_studies::tune::Tuned;
 
@@ -91,11 +91,11 @@ fn percent(share: f64) -> f64 {
 pub(super) fn best_so_far(tuned: &Tuned) -> String {
     let row = &tuned.row;
     format!(
-        "best so far: {} nodes, {} points, steps {}, largest error {:.2} %, {:.1} times real time",
+        "best so far: {} nodes, {} points, steps {}, largest error {:.2} %, {} times real time",
         row.nodes,
         row.integration_points,
         row.case.steps,
         100.0 * row.max_force_error().unwrap_or(f64::NAN),
-        row.real_time_factor()
+        two_figures(row.real_time_factor())
     )
 }

@@ -245,3 +245,21 @@ fn a_long_table_takes_room_for_its_readings_only() {
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(text.contains("depth  1000000 readings from 0.000 to 999.999 s"), "{text}{output:?}");
 }
+
+/// A long table is read twice and is never in memory: three million rows (84 MB of text) run in 90 MB of addresses, though their
+/// readings are 144 MB.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_long_table_takes_no_room() {
+    let folder = TempDir::new().unwrap();
+    let row = |i: u32| format!("{:.4},{:.6},{:.6}\n", f64::from(i) * 1e-3, f64::from(i) * 1e-5, 0.25);
+    let rows: String = (0..3_000_000).map(row).collect();
+    let table = file(folder.path(), "long.csv", format!("Time (s),Position (mm),Force (N)\n{rows}"));
+    let (program, out) = (env!("CARGO_BIN_EXE_needle_twin"), folder.path().join("bag"));
+    let command = format!("ulimit -v 90000; exec {program} import {} --out {}", word(&table), word(&out));
+    let output = Command::new("bash").args(["-c", &command]).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(text.contains("depth  3000000 readings from 0.000 to 2999.999 s"), "{text}{output:?}");
+    let checked = Command::new(program).args(["bag", "info", word(&out)]).output().unwrap();
+    assert!(String::from_utf8_lossy(&checked.stdout).contains("6000000"), "{checked:?}");
+}

@@ -22,6 +22,7 @@ mod live_page;
 mod markers;
 mod matrix;
 mod meshes;
+mod packages;
 mod phantoms;
 mod python_module;
 mod readme;

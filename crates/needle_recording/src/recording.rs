@@ -8,7 +8,7 @@ use super::frame::{FrameError, Frames};
 use super::holes::holes;
 use super::selection::{Selection, UnknownUnit};
 use super::series::{Held, Reading, Series, in_order};
-use super::table::{Table, TableError, refuse_options};
+use super::table::{Steps, Table, TableError, refuse_options};
 use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
 use super::unit::Dimension;
 use needle_core::instrument::reading::MeasuredAxes;
@@ -161,6 +161,7 @@ pub enum RecordingError {
 }
 
 /// Series with their stamps in ns, before the common origin is subtracted.
+#[derive(Default)]
 struct Stamped {
     depths: Series<f64>,
     poses: Series<Pose>,
@@ -330,6 +331,212 @@ impl Recording {
     /// # Errors
     /// [`TableError::Missing`] if none of them has the position.
     pub fn of_tables(read: &mut [Table], said: &Selection) -> Result<Self, RecordingError> {
+        let plan = Plan::of(read, said)?;
+        let (mut losses, mut warnings) = told(read);
+        let mut axes = MeasuredAxes::default();
+        let mut forces = plan.feeling.map(|k| std::mem::take(&mut read[k].forces)).unwrap_or_default();
+        let depths = std::mem::take(&mut read[plan.moving].depths);
+        let poses = std::mem::take(&mut read[plan.moving].poses);
+        let markers = std::mem::take(&mut read[plan.moving].markers);
+        let (motion, cell, frames) = (&read[plan.moving], plan.feeling.map(|k| &read[k]), &plan.frames);
+        forces.iter().for_each(|(_, force)| axes.note(force));
+        let all = forces.len();
+        forces.retain_mut(|(_, force)| {
+            axes.force(*force).is_some_and(|measured| {
+                *force = measured;
+                true
+            })
+        });
+        if let Some(cell) = cell {
+            warnings.extend(axes.missing());
+            lose_unmeasured(&cell.file, all - forces.len(), all == 0, &mut losses);
+        }
+        let poses = poses.into_iter().map(|(t, pose)| (t, frames.pose(pose))).collect();
+        let places = |p: &Vec<[f64; 3]>| p.iter().map(|p| frames.point(*p)).collect();
+        let markers = markers.iter().map(|(t, p)| (*t, places(p))).collect();
+        let stamped = Stamped {
+            depths: (in_order(&motion.file, depths, &mut losses, &mut warnings), String::new()),
+            poses: (in_order(&motion.file, poses, &mut losses, &mut warnings), String::new()),
+            markers: (in_order(&motion.file, markers, &mut losses, &mut warnings), String::new()),
+            forces: cell.map_or_else(Default::default, |t| {
+                (in_order(&t.file, forces, &mut losses, &mut warnings), String::new())
+            }),
+        };
+        let late_ns = plan.late_ns;
+        let mut recording = Self { losses, warnings, ..Self::of(stamped, late_ns).told_by(read, said, &plan) };
+        recording.warnings.dedup();
+        recording.turn(&plan.frames, axes, false);
+        recording.check_times();
+        Ok(recording)
+    }
+
+    /// A recording in tables that are only surveyed: all of it but the samples, and how each of them is to be changed. `None` if
+    /// its samples must be in memory to be understood: their stamps are not in order, there is a pause, or a force is not finite.
+    pub(super) fn of_surveys(read: &[Table], said: &Selection) -> Result<Option<(Self, Changes)>, RecordingError> {
+        let plan = Plan::of(read, said)?;
+        let survey = |k: usize| read[k].survey.unwrap_or_default();
+        let (motion, cell) = (survey(plan.moving), plan.feeling.map(survey));
+        let in_use = [Some(motion), cell].into_iter().flatten();
+        let [depths, poses, _, markers] = motion.series;
+        let forces = cell.map_or_else(Steps::default, |cell| cell.series[2]);
+        let mut axes = MeasuredAxes::default();
+        let seen: Vec<[f64; 3]> = cell.map_or_else(Vec::new, |cell| {
+            let of = |bits: usize| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { 0.0 } else { f64::NAN });
+            (0..8).filter(|bits| cell.finite[*bits] > 0).map(of).collect()
+        });
+        seen.iter().for_each(|force| axes.note(force));
+        let is_plain = in_use.map(|survey| survey.rows).all(|rows| !rows.disordered)
+            && [depths, poses, forces].iter().all(|steps| steps.longest < NO_PAUSE_NS)
+            && seen.iter().all(|force| axes.force(*force).is_some());
+        if !is_plain {
+            return Ok(None);
+        }
+        let (mut losses, mut warnings) = told(read);
+        if let Some(cell) = plan.feeling.map(|k| &read[k]) {
+            warnings.extend(axes.missing());
+            lose_unmeasured(&cell.file, 0, forces.count == 0, &mut losses);
+        }
+        let late = |ns: i64| ns.saturating_sub(plan.late_ns);
+        let spans = [depths, poses, forces].map(|steps| steps.first_and_last());
+        let spans = [spans[0], spans[1], spans[2].map(|span| span.map(late))];
+        let origin_ns = spans.iter().flatten().map(|span| span[0]).min().unwrap_or(0);
+        let seconds = |[a, b]: [i64; 2]| (seconds(a, origin_ns), seconds(b, origin_ns));
+        let nothing = Self::of(Stamped::default(), 0);
+        let mut recording = Self { losses, warnings, origin_ns, ..nothing.told_by(read, said, &plan) };
+        recording.warnings.dedup();
+        let along = recording.turning(&plan.frames, axes);
+        recording.check_spans(spans[0].or(spans[1]).map(seconds), spans[2].map(seconds), forces.count);
+        let counts = [depths, poses, forces, markers].map(|steps| steps.count);
+        Ok(Some((recording, Changes { plan, axes, along, counts })))
+    }
+
+    /// What the tables say beside their samples.
+    fn told_by(self, read: &[Table], said: &Selection, plan: &Plan) -> Self {
+        let motion = &read[plan.moving];
+        let files: Vec<&str> = read.iter().map(|t| t.file.rsplit(['/', '\\']).next().unwrap_or(&t.file)).collect();
+        Self {
+            source: format!("table {}", files.join(" and ")),
+            one_clock: plan.feeling == Some(plan.moving) && said.time_offset_s == 0.0,
+            topics: said.names.clone(),
+            position_scale: motion.columns.position.as_ref().map_or([1.0, 0.0], |c| [c.scale, c.zero]),
+            ..self
+        }
+    }
+
+    /// Subtracts the common origin, and the delay `late_ns` of the force's stamps.
+    fn of(stamped: Stamped, late_ns: i64) -> Self {
+        let Stamped {
+            depths: (depths, _),
+            poses: (poses, _),
+            forces: (mut forces, force_frame),
+            markers: (markers, _),
+        } = stamped;
+        forces.iter_mut().for_each(|(time, _)| *time = time.saturating_sub(late_ns));
+        let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
+        let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
+        let seconds = |ns: i64| seconds(ns, origin_ns);
+        let count = markers.last().map_or(0, |m| m.1.len());
+        let whole = markers.into_iter().filter(|m| m.1.len() == count);
+        let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
+        let depth = |(t, depth_m): (i64, f64)| DepthSample { time_s: seconds(t), depth_m };
+        let pose = |(t, Pose { tip, axis }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
+        Self {
+            source: String::new(),
+            scene: None,
+            origin_ns,
+            // samples of one size become others where they lie
+            depths: depths.into_iter().map(depth).collect(),
+            poses: poses.into_iter().map(pose).collect(),
+            forces: forces.into_iter().map(|(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
+            markers,
+            one_clock: false,
+            topics: TopicNames::default(),
+            force_frame,
+            position_scale: [1.0, 0.0],
+            holes: Vec::new(),
+            losses: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Transforms forces to the frame of the sample. A cell with one axis measures along the instrument, whichever
+    /// axis its driver uses.
+    fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
+        let along = self.turning(frames, axes);
+        self.forces.iter_mut().for_each(|s| s.force_n = turned(s.force_n, frames, along, with_poses));
+    }
+
+    /// The axis that is taken for z, if one is, with a warning; the frame of the forces once they are turned.
+    fn turning(&mut self, frames: &Frames, axes: MeasuredAxes) -> Option<usize> {
+        let along = axes.only().filter(|axis| *axis < 2 && !frames.knows_sensor());
+        if let Some(axis) = along {
+            let name = ["x", "y"][axis];
+            self.warnings
+                .push(format!("the force along {name} is taken as that along z; --sensor-rotation says otherwise"));
+        } else if frames.knows_sensor() {
+            self.force_frame = self.topics.frame_id.clone();
+        }
+        along
+    }
+
+    /// Checks that there is a motion; warns if the load cell's data are from another time.
+    fn check(&mut self, bag: &BagReader, motion: Option<usize>) -> Result<(), BagError> {
+        if let (true, true, Some(topic)) = (self.depths.is_empty(), self.poses.is_empty(), motion) {
+            let lost: Vec<String> = self.losses.iter().map(ToString::to_string).collect();
+            let reason = if lost.is_empty() { "it has no messages".to_owned() } else { lost.join("; ") };
+            return Err(topic_error(bag, &bag.topics()[topic], format!("nothing of it can be used: {reason}")));
+        }
+        self.check_times();
+        Ok(())
+    }
+
+    /// Adds a loss if the load cell's data are from another time than the motion's.
+    fn check_spans(&mut self, motion: Option<(f64, f64)>, force: Option<(f64, f64)>, forces: usize) {
+        if let (Some(motion), Some(force)) = (motion, force)
+            && (force.0 > motion.1 || motion.0 > force.1)
+        {
+            let reason = format!(
+                "their times ({:.3} to {:.3} s) and those of the motion ({:.3} to {:.3} s) have nothing in common: their stamps are from \
+                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart",
+                force.0, force.1, motion.0, motion.1
+            );
+            let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
+            self.losses.push(Loss::Samples { topic, count: forces as u64, reason });
+        }
+    }
+
+    /// Adds a loss if the load cell's data are from another time, and one for each hole.
+    fn check_times(&mut self) {
+        let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
+        let force = span(self.forces.iter().map(|s| s.time_s));
+        self.check_spans(motion, force, self.forces.len());
+        self.holes =
+            if self.depths.is_empty() { holes(&self.poses, &self.forces) } else { holes(&self.depths, &self.forces) };
+        let what =
+            "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
+        let hole = |[from, to]: &[f64; 2]| {
+            let [from, to, length] = [*from, *to, to - from].map(|s| format!("{s:.3}"));
+            Loss::Hole { from, to, length, what }
+        };
+        self.losses.extend(self.holes.iter().map(hole));
+    }
+}
+
+/// A longer step between the stamps of a series, ns, may be a hole: below the least that [`holes`] takes for a pause.
+const NO_PAUSE_NS: i64 = 249_999_000;
+
+/// What the tables of a recording are for.
+pub(super) struct Plan {
+    /// Number of the table with the position or the poses, and of that with the force.
+    pub moving: usize,
+    pub feeling: Option<usize>,
+    pub frames: Frames,
+    /// Delay of the force's stamps, ns.
+    pub late_ns: i64,
+}
+
+impl Plan {
+    fn of(read: &[Table], said: &Selection) -> Result<Self, RecordingError> {
         let columns =
             || read.iter().map(|t| format!("{} has {}", t.file, t.all_columns)).collect::<Vec<_>>().join("; ");
         if let Some((option, name)) = in_no_file(read) {
@@ -359,147 +566,51 @@ impl Recording {
         said.fits_a_table(motion.columns.pose.is_some())?;
         said.zero_of_a_force(cell.is_some())?;
         let frames = Frames::of(said)?;
-        let (mut losses, mut warnings) = (Vec::new(), Vec::new());
-        read.iter().for_each(|t| warnings.extend(t.warnings.iter().cloned()));
-        for table in read.iter().filter(|t| t.bad > 0) {
-            let first = table.first_bad.as_deref().unwrap_or_default();
-            let reason = format!("a cell that is needed is no number, first in {first}");
-            losses.push(Loss::Samples { topic: table.file.clone(), count: table.bad, reason });
-        }
-        let mut axes = MeasuredAxes::default();
-        let mut forces = feeling.map(|k| std::mem::take(&mut read[k].forces)).unwrap_or_default();
-        let depths = std::mem::take(&mut read[moving].depths);
-        let poses = std::mem::take(&mut read[moving].poses);
-        let markers = std::mem::take(&mut read[moving].markers);
-        let (motion, cell) = (&read[moving], feeling.map(|k| &read[k]));
-        forces.iter().for_each(|(_, force)| axes.note(force));
-        let all = forces.len();
-        forces.retain_mut(|(_, force)| {
-            axes.force(*force).is_some_and(|measured| {
-                *force = measured;
-                true
-            })
-        });
-        if let Some(cell) = cell {
-            warnings.extend(axes.missing());
-            lose_unmeasured(&cell.file, all - forces.len(), all == 0, &mut losses);
-        }
-        let poses = poses.into_iter().map(|(t, pose)| (t, frames.pose(pose))).collect();
-        let places = |p: &Vec<[f64; 3]>| p.iter().map(|p| frames.point(*p)).collect();
-        let markers = markers.iter().map(|(t, p)| (*t, places(p))).collect();
-        let stamped = Stamped {
-            depths: (in_order(&motion.file, depths, &mut losses, &mut warnings), String::new()),
-            poses: (in_order(&motion.file, poses, &mut losses, &mut warnings), String::new()),
-            markers: (in_order(&motion.file, markers, &mut losses, &mut warnings), String::new()),
-            forces: cell.map_or_else(Default::default, |t| {
-                (in_order(&t.file, forces, &mut losses, &mut warnings), String::new())
-            }),
-        };
-        warnings.dedup();
-        let files: Vec<&str> = read.iter().map(|t| t.file.rsplit(['/', '\\']).next().unwrap_or(&t.file)).collect();
-        let mut recording = Self {
-            source: format!("table {}", files.join(" and ")),
-            one_clock: cell.is_some_and(|cell| std::ptr::eq(cell, motion)) && said.time_offset_s == 0.0,
-            topics: said.names.clone(),
-            losses,
-            warnings,
-            position_scale: motion.columns.position.as_ref().map_or([1.0, 0.0], |c| [c.scale, c.zero]),
-            ..Self::of(stamped, (said.time_offset_s * 1e9).round() as i64)
-        };
-        recording.turn(&frames, axes, false);
-        recording.check_times();
-        Ok(recording)
+        Ok(Self { moving, feeling, frames, late_ns: (said.time_offset_s * 1e9).round() as i64 })
     }
+}
 
-    /// Subtracts the common origin, and the delay `late_ns` of the force's stamps.
-    fn of(stamped: Stamped, late_ns: i64) -> Self {
-        let Stamped {
-            depths: (depths, _),
-            poses: (poses, _),
-            forces: (mut forces, force_frame),
-            markers: (markers, _),
-        } = stamped;
-        forces.iter_mut().for_each(|(time, _)| *time = time.saturating_sub(late_ns));
-        let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
-        let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
-        let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
-        let count = markers.last().map_or(0, |m| m.1.len());
-        let whole = markers.into_iter().filter(|m| m.1.len() == count);
-        let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
-        let depth = |(t, depth_m): (i64, f64)| DepthSample { time_s: seconds(t), depth_m };
-        let pose = |(t, Pose { tip, axis }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
-        Self {
-            source: String::new(),
-            scene: None,
-            origin_ns,
-            // samples of one size become others where they lie
-            depths: depths.into_iter().map(depth).collect(),
-            poses: poses.into_iter().map(pose).collect(),
-            forces: forces.into_iter().map(|(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
-            markers,
-            one_clock: false,
-            topics: TopicNames::default(),
-            force_frame,
-            position_scale: [1.0, 0.0],
-            holes: Vec::new(),
-            losses: Vec::new(),
-            warnings: Vec::new(),
-        }
-    }
+/// How the samples of surveyed tables become those of the recording.
+pub(super) struct Changes {
+    pub plan: Plan,
+    axes: MeasuredAxes,
+    along: Option<usize>,
+    /// Number of depths, poses, forces and markers.
+    pub counts: [usize; 4],
+}
 
-    /// Transforms forces to the frame of the sample. A cell with one axis measures along the instrument, whichever
-    /// axis its driver uses.
-    fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
-        let along = axes.only().filter(|axis| *axis < 2 && !frames.knows_sensor());
-        if let Some(axis) = along {
-            self.forces.iter_mut().for_each(|s| s.force_n.swap(axis, 2));
-            let name = ["x", "y"][axis];
-            self.warnings
-                .push(format!("the force along {name} is taken as that along z; --sensor-rotation says otherwise"));
-            return;
-        }
-        self.forces.iter_mut().for_each(|s| s.force_n = frames.force(s.force_n, with_poses));
-        if frames.knows_sensor() {
-            self.force_frame = self.topics.frame_id.clone();
-        }
+impl Changes {
+    /// A force in the frame of the sample; `None` if it is not finite.
+    pub(super) fn force(&self, force_n: [f64; 3]) -> Option<[f64; 3]> {
+        self.axes.force(force_n).map(|force_n| turned(force_n, &self.plan.frames, self.along, false))
     }
+}
 
-    /// Checks that there is a motion; warns if the load cell's data are from another time.
-    fn check(&mut self, bag: &BagReader, motion: Option<usize>) -> Result<(), BagError> {
-        if let (true, true, Some(topic)) = (self.depths.is_empty(), self.poses.is_empty(), motion) {
-            let lost: Vec<String> = self.losses.iter().map(ToString::to_string).collect();
-            let reason = if lost.is_empty() { "it has no messages".to_owned() } else { lost.join("; ") };
-            return Err(topic_error(bag, &bag.topics()[topic], format!("nothing of it can be used: {reason}")));
+/// A force in the frame of the sample; `along`: the axis that is taken for z.
+fn turned(mut force_n: [f64; 3], frames: &Frames, along: Option<usize>, with_poses: bool) -> [f64; 3] {
+    match along {
+        Some(axis) => {
+            force_n.swap(axis, 2);
+            force_n
         }
-        self.check_times();
-        Ok(())
+        None => frames.force(force_n, with_poses),
     }
+}
 
-    /// Adds a loss if the load cell's data are from another time, and one for each hole.
-    fn check_times(&mut self) {
-        let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
-        let force = span(self.forces.iter().map(|s| s.time_s));
-        if let (Some(motion), Some(force)) = (motion, force)
-            && (force.0 > motion.1 || motion.0 > force.1)
-        {
-            let reason = format!(
-                "their times ({:.3} to {:.3} s) and those of the motion ({:.3} to {:.3} s) have nothing in common: their stamps are from \
-                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart",
-                force.0, force.1, motion.0, motion.1
-            );
-            let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
-            self.losses.push(Loss::Samples { topic, count: self.forces.len() as u64, reason });
-        }
-        self.holes =
-            if self.depths.is_empty() { holes(&self.poses, &self.forces) } else { holes(&self.depths, &self.forces) };
-        let what =
-            "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
-        let hole = |[from, to]: &[f64; 2]| {
-            let [from, to, length] = [*from, *to, to - from].map(|s| format!("{s:.3}"));
-            Loss::Hole { from, to, length, what }
-        };
-        self.losses.extend(self.holes.iter().map(hole));
-    }
+/// Time of a stamp, s from the origin.
+pub(super) fn seconds(ns: i64, origin_ns: i64) -> f64 {
+    ns.saturating_sub(origin_ns) as f64 * 1e-9
+}
+
+/// Losses and warnings of tables.
+fn told(read: &[Table]) -> (Vec<Loss>, Vec<String>) {
+    let loss = |table: &Table| {
+        let first = table.first_bad.as_deref().unwrap_or_default();
+        let reason = format!("a cell that is needed is no number, first in {first}");
+        Loss::Samples { topic: table.file.clone(), count: table.bad, reason }
+    };
+    let losses = read.iter().filter(|t| t.bad > 0).map(loss).collect();
+    (losses, read.iter().flat_map(|t| t.warnings.iter().cloned()).collect())
 }
 
 /// Determines the measured axes from the readings of a bag, and reports the missing ones.

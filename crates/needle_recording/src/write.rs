@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::Recording;
+use super::recording::{DepthSample, ForceSample, MarkerSample, PoseSample};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Point, Pose, PoseArray, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Header;
-use rosbag2_mcap::{BagError, BagWriter, Qos, WriterOptions, Written};
+use rosbag2_mcap::{BagError, BagWriter, Qos, TopicId, WriterOptions, Written};
 
 /// Earlier times are seconds of a free-running clock: 1980-01-06, the epoch of GPS.
 const OWN_CLOCK_NS: i64 = 315_964_800 * 1_000_000_000;
@@ -16,11 +17,115 @@ const OWN_CLOCK_NS: i64 = 315_964_800 * 1_000_000_000;
 const ZERO_NS: i64 = 946_684_800 * 1_000_000_000;
 
 /// The next sample to be written.
-enum Sample {
-    Depth(usize),
-    Pose(usize),
-    Force(usize),
-    Markers(usize),
+pub(super) enum Sample<'a> {
+    Depth(DepthSample),
+    Pose(PoseSample),
+    Force(ForceSample),
+    Markers(&'a MarkerSample),
+}
+
+/// Which of four series comes next by the time of its first sample; for equal times the motion's.
+pub(super) fn first(times: [Option<f64>; 4]) -> Option<usize> {
+    (0..4)
+        .filter(|&k| times[k].is_some())
+        .min_by(|&a, &b| times[a].partial_cmp(&times[b]).unwrap_or(std::cmp::Ordering::Equal))
+}
+
+/// The bag that is being written.
+pub(super) struct Topics<'a> {
+    bag: BagWriter,
+    of: &'a Recording,
+    /// Time 0 of the series, ns.
+    origin_ns: i64,
+    /// Depths, poses, forces, markers, as far as they exist.
+    topics: [Option<TopicId>; 4],
+    // reused, since only the numbers differ between a million readings
+    joint: JointState,
+    cell: WrenchStamped,
+}
+
+impl<'a> Topics<'a> {
+    /// Makes the folder; `has`: whether there are depths, poses, forces and markers.
+    pub(super) fn create(
+        of: &'a Recording,
+        has: [bool; 4],
+        folder: &Path,
+        scene: Option<&str>,
+    ) -> Result<Self, BagError> {
+        let mut custom_data: BTreeMap<String, String> =
+            [("description".to_owned(), format!("imported from {}", of.source))].into();
+        custom_data.extend(scene.or(of.scene.as_deref()).map(|scene| ("scene".to_owned(), scene.to_owned())));
+        if of.one_clock {
+            custom_data.insert("one_clock".to_owned(), "true".to_owned());
+        }
+        let own_clock = of.origin_ns < OWN_CLOCK_NS;
+        if own_clock {
+            custom_data.insert("clock".to_owned(), "its own: 2000-01-01 is its time 0".to_owned());
+        }
+        let origin_ns = of.origin_ns + if own_clock { ZERO_NS } else { 0 };
+        let library = needle_core::WRITER.to_owned();
+        // takes two thirds of the time of zstd's default level, without a larger file for these messages
+        let options =
+            WriterOptions { flush_after: None, custom_data, library, compression_level: 1, ..WriterOptions::default() };
+        let mut bag = BagWriter::create(folder, options)?;
+        let reliable = Qos::reliable(10);
+        let topics = [
+            has[0].then(|| bag.add_topic::<JointState>("/measured_js", &reliable)).transpose()?,
+            has[1].then(|| bag.add_topic::<PoseStamped>("/measured_cp", &reliable)).transpose()?,
+            has[2].then(|| bag.add_topic::<WrenchStamped>("/measured_cf", &reliable)).transpose()?,
+            has[3].then(|| bag.add_topic::<PoseArray>("/measured_targets", &reliable)).transpose()?,
+        ];
+        let (name, position) = (vec![of.topics.joint.clone()], vec![0.0]);
+        let joint = JointState { name, position, ..JointState::default() };
+        let frame = if of.force_frame.is_empty() { &of.topics.frame_id } else { &of.force_frame };
+        let cell = WrenchStamped { header: header(0, frame), ..WrenchStamped::default() };
+        Ok(Self { bag, of, origin_ns, topics, joint, cell })
+    }
+
+    /// Writes one sample. One of a series that was said not to exist is left out.
+    pub(super) fn write(&mut self, sample: &Sample) -> Result<(), BagError> {
+        let origin_ns = self.origin_ns;
+        let stamp = |time_s: f64| origin_ns + (time_s * 1e9).round() as i64;
+        let [depth, pose, force, targets] = self.topics;
+        let Self { bag, of, joint, cell, .. } = self;
+        match sample {
+            Sample::Depth(DepthSample { time_s, depth_m }) => {
+                let ns = stamp(*time_s);
+                joint.header.stamp = Time::from_nanos(ns);
+                joint.position[0] = *depth_m;
+                depth.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, joint))
+            }
+            Sample::Pose(PoseSample { time_s, tip: [x, y, z], axis }) => {
+                let ns = stamp(*time_s);
+                let message = PoseStamped {
+                    header: header(ns, &of.topics.frame_id),
+                    pose: Pose { position: Point { x: *x, y: *y, z: *z }, orientation: pointing(*axis) },
+                };
+                pose.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))
+            }
+            Sample::Markers(MarkerSample { time_s, positions }) => {
+                let ns = stamp(*time_s);
+                let point = |&[x, y, z]: &[f64; 3]| Pose { position: Point { x, y, z }, ..Pose::default() };
+                let poses = positions.iter().map(point).collect();
+                let message = PoseArray { header: header(ns, &of.topics.frame_id), poses };
+                targets.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))
+            }
+            Sample::Force(ForceSample { time_s, force_n }) => {
+                let ns = stamp(*time_s);
+                cell.header.stamp = Time::from_nanos(ns);
+                cell.wrench = Wrench { force: (*force_n).into(), torque: Vector3::default() };
+                force.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, cell))
+            }
+        }
+    }
+
+    pub(super) fn finish(self) -> Result<Written, BagError> {
+        self.bag.finish()
+    }
+}
+
+fn header(ns: i64, frame: &str) -> Header {
+    Header { stamp: Time::from_nanos(ns), frame_id: frame.to_owned() }
 }
 
 impl Recording {
@@ -30,92 +135,32 @@ impl Recording {
     /// # Errors
     /// [`BagError`] if the folder exists, or can't be written.
     pub fn write(&self, folder: &Path, scene: Option<&str>) -> Result<Written, BagError> {
-        let mut custom_data: BTreeMap<String, String> =
-            [("description".to_owned(), format!("imported from {}", self.source))].into();
-        custom_data.extend(scene.or(self.scene.as_deref()).map(|scene| ("scene".to_owned(), scene.to_owned())));
-        if self.one_clock {
-            custom_data.insert("one_clock".to_owned(), "true".to_owned());
-        }
-        let own_clock = self.origin_ns < OWN_CLOCK_NS;
-        if own_clock {
-            custom_data.insert("clock".to_owned(), "its own: 2000-01-01 is its time 0".to_owned());
-        }
-        let origin_ns = self.origin_ns + if own_clock { ZERO_NS } else { 0 };
-        let library = needle_core::WRITER.to_owned();
-        // takes two thirds of the time of zstd's default level, without a larger file for these messages
-        let options =
-            WriterOptions { flush_after: None, custom_data, library, compression_level: 1, ..WriterOptions::default() };
-        let mut bag = BagWriter::create(folder, options)?;
-        let reliable = Qos::reliable(10);
-        let some = |len: usize| (len > 0).then_some(());
-        let depth =
-            some(self.depths.len()).map(|()| bag.add_topic::<JointState>("/measured_js", &reliable)).transpose()?;
-        let pose =
-            some(self.poses.len()).map(|()| bag.add_topic::<PoseStamped>("/measured_cp", &reliable)).transpose()?;
-        let force =
-            some(self.forces.len()).map(|()| bag.add_topic::<WrenchStamped>("/measured_cf", &reliable)).transpose()?;
-        let targets = some(self.markers.len())
-            .map(|()| bag.add_topic::<PoseArray>("/measured_targets", &reliable))
-            .transpose()?;
-        let stamp = |time_s: f64| origin_ns + (time_s * 1e9).round() as i64;
-        let header = |ns: i64, frame: &str| Header { stamp: Time::from_nanos(ns), frame_id: frame.to_owned() };
-        // reused, since only the numbers differ between a million readings
-        let (name, position) = (vec![self.topics.joint.clone()], vec![0.0]);
-        let mut joint = JointState { header: header(0, ""), name, position, ..JointState::default() };
-        let frame = if self.force_frame.is_empty() { &self.topics.frame_id } else { &self.force_frame };
-        let mut cell = WrenchStamped { header: header(0, frame), ..WrenchStamped::default() };
-        for sample in self.in_time() {
-            match sample {
-                Sample::Depth(i) => {
-                    let ns = stamp(self.depths[i].time_s);
-                    joint.header.stamp = Time::from_nanos(ns);
-                    joint.position[0] = self.depths[i].depth_m;
-                    depth.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &joint))?;
-                }
-                Sample::Pose(i) => {
-                    let (ns, at) = (stamp(self.poses[i].time_s), &self.poses[i]);
-                    let [x, y, z] = at.tip;
-                    let message = PoseStamped {
-                        header: header(ns, &self.topics.frame_id),
-                        pose: Pose { position: Point { x, y, z }, orientation: pointing(at.axis) },
-                    };
-                    pose.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))?;
-                }
-                Sample::Markers(i) => {
-                    let ns = stamp(self.markers[i].time_s);
-                    let point = |&[x, y, z]: &[f64; 3]| Pose { position: Point { x, y, z }, ..Pose::default() };
-                    let poses = self.markers[i].positions.iter().map(point).collect();
-                    let message = PoseArray { header: header(ns, &self.topics.frame_id), poses };
-                    targets.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))?;
-                }
-                Sample::Force(i) => {
-                    let ns = stamp(self.forces[i].time_s);
-                    let wrench = Wrench { force: self.forces[i].force_n.into(), torque: Vector3::default() };
-                    cell.header.stamp = Time::from_nanos(ns);
-                    cell.wrench = wrench;
-                    force.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &cell))?;
-                }
-            }
-        }
-        bag.finish()
+        let empty = [self.depths.is_empty(), self.poses.is_empty(), self.forces.is_empty(), self.markers.is_empty()];
+        let mut topics = Topics::create(self, empty.map(|empty| !empty), folder, scene)?;
+        self.in_time().try_for_each(|sample| topics.write(&sample))?;
+        topics.finish()
     }
 
     /// All samples in order of time; for equal times the motion's first.
-    fn in_time(&self) -> impl Iterator<Item = Sample> {
+    fn in_time(&self) -> impl Iterator<Item = Sample<'_>> {
         let mut next = [0_usize; 4];
         std::iter::from_fn(move || {
-            let times = [
-                self.depths.get(next[0]).map(|s| s.time_s),
-                self.poses.get(next[1]).map(|s| s.time_s),
-                self.forces.get(next[2]).map(|s| s.time_s),
-                self.markers.get(next[3]).map(|s| s.time_s),
-            ];
-            let first = (0..4)
-                .filter(|&k| times[k].is_some())
-                .min_by(|&a, &b| times[a].partial_cmp(&times[b]).unwrap_or(std::cmp::Ordering::Equal))?;
-            let at = next[first];
-            next[first] += 1;
-            Some([Sample::Depth, Sample::Pose, Sample::Force, Sample::Markers][first](at))
+            let [d, p, f, m] = next;
+            let (depth, pose, force) = (self.depths.get(d), self.poses.get(p), self.forces.get(f));
+            let markers = self.markers.get(m);
+            let which = first([
+                depth.map(|s| s.time_s),
+                pose.map(|s| s.time_s),
+                force.map(|s| s.time_s),
+                markers.map(|s| s.time_s),
+            ])?;
+            next[which] += 1;
+            match which {
+                0 => depth.copied().map(Sample::Depth),
+                1 => pose.copied().map(Sample::Pose),
+                2 => force.copied().map(Sample::Force),
+                _ => markers.map(Sample::Markers),
+            }
         })
     }
 }

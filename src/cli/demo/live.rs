@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::curves::Curves;
+use crate::cli::progress::two_figures;
 use crate::cli::summary::newtons;
 use crate::ros::observer::Observations;
 use ros2_messages::needle_twin::TwinStatus;
@@ -100,10 +101,10 @@ impl Live {
         let now = heard.status.last().map_or_else(String::new, |s| {
             let s = &s.value;
             format!(
-                "{}: depth {:.2} mm, {:.1} times real time, {:.1} steps per pose, health {}",
+                "{}: depth {:.2} mm, {} times real time, {:.1} steps per pose, health {}",
                 phase(s),
                 1e3 * heard.depths.last().map_or(0.0, |d| d.value),
-                s.real_time_factor,
+                two_figures(s.real_time_factor),
                 s.steps_per_pose,
                 health(s)
             )

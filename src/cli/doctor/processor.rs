@@ -9,6 +9,7 @@ use needle_core::twin::{StampedPose, Twin};
 
 use super::row::Row;
 use crate::cli::processor;
+use crate::cli::progress::two_figures;
 
 /// What is run.
 const PRESET: &str = "needle_insertion";
@@ -125,7 +126,7 @@ fn speed() -> Row {
     let load = load.split(' ').next().unwrap_or("?").to_owned();
     match measure() {
         Ok(factor) => {
-            let value = format!("{PRESET} runs at {factor:.1} times real time at present (load {load})");
+            let value = format!("{PRESET} runs at {} times real time at present (load {load})", two_figures(factor));
             if factor < 1.0 {
                 Row::problem(
                     NAME,

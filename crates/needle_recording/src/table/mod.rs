@@ -9,6 +9,7 @@ mod names;
 mod number;
 mod rows;
 mod source;
+mod survey;
 mod text;
 #[cfg(feature = "xlsx")]
 mod workbook;
@@ -21,7 +22,10 @@ use columns::Finder;
 pub use columns::{Column, Columns};
 use layout::{LOOKED_AT, Layout};
 use needle_core::twin::Pose;
+use rows::{Taken, Taking};
 use source::Source;
+pub(super) use source::size_of_text;
+pub(super) use survey::{Steps, Survey};
 
 /// Why a table can't be read.
 #[derive(Debug, thiserror::Error)]
@@ -139,6 +143,10 @@ pub struct Table {
     absent: Vec<(&'static str, String)>,
     /// First and last line, from 1.
     lines: [usize; 2],
+    /// Whether a row had a sample.
+    usable: bool,
+    /// What is known of the samples where they are not kept.
+    pub(super) survey: Option<Survey>,
     pub(super) depths: Vec<(i64, f64)>,
     pub(super) forces: Vec<(i64, [f64; 3])>,
     pub(super) poses: Vec<(i64, Pose)>,
@@ -151,7 +159,15 @@ impl Table {
     /// # Errors
     /// [`TableError`].
     pub fn read(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        Self::of_source(path, Source::of_file(path, &said.layout)?, said, file_number)
+        Self::of_source(path, Source::of_file(path, &said.layout)?, said, file_number, false)
+    }
+
+    /// Same as [`Table::read`], without the samples: [`Table::survey`] says what they are like.
+    ///
+    /// # Errors
+    /// [`TableError`].
+    pub(super) fn surveyed(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
+        Self::of_source(path, Source::of_file(path, &said.layout)?, said, file_number, true)
     }
 
     /// Same as [`Table::read`], with the file's content given.
@@ -159,11 +175,22 @@ impl Table {
     /// # Errors
     /// [`TableError`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        Self::of_source(path, Source::of_bytes(path, bytes, &said.layout)?, said, file_number)
+        Self::of_source(path, Source::of_bytes(path, bytes, &said.layout)?, said, file_number, false)
     }
 
-    fn of_source(path: &Path, source: Source, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        let mut blocks = Blocks::new(path, source, said, file_number);
+    fn of_source(
+        path: &Path,
+        source: Source,
+        said: &Selection,
+        file_number: usize,
+        surveyed: bool,
+    ) -> Result<Self, TableError> {
+        let blocks = Blocks { surveyed, ..Blocks::new(path, source, said, file_number) };
+        Self::wanted(path, blocks, said)
+    }
+
+    /// The recording that is asked for.
+    fn wanted(path: &Path, mut blocks: Blocks, said: &Selection) -> Result<Self, TableError> {
         let no_table = || TableError::NoTable { path: path.to_owned() };
         let mut wanted = blocks.next().ok_or_else(no_table)??;
         let mut all = vec![wanted.extent()];
@@ -219,13 +246,15 @@ struct Blocks<'a> {
     source: Source,
     said: &'a Selection,
     file_number: usize,
+    /// Whether the samples are left out.
+    surveyed: bool,
     /// Line at which the next one begins, from 0.
     line: Option<usize>,
 }
 
 impl<'a> Blocks<'a> {
     fn new(path: &'a Path, source: Source, said: &'a Selection, file_number: usize) -> Self {
-        Self { path, file: path.display().to_string(), source, said, file_number, line: Some(0) }
+        Self { path, file: path.display().to_string(), source, said, file_number, surveyed: false, line: Some(0) }
     }
 
     /// A table of which no row was taken yet.
@@ -247,30 +276,55 @@ impl<'a> Blocks<'a> {
             rate_hz: rate_hz.filter(|_| columns.time.is_none()),
             file: self.file.clone(),
             columns,
+            survey: self.surveyed.then(Survey::default),
             ..Table::default()
         })
     }
 
-    fn read(&mut self, line: usize) -> Option<Result<Table, TableError>> {
-        let open = |path: &Path, source| TableError::Open { path: path.to_owned(), source };
+    /// A table of which no row was taken yet; `None` if there is none.
+    fn begin(&mut self, line: usize) -> Option<Result<Begun, TableError>> {
         // the line of the headers was said of the first
         let header_line = self.source.layout.header_line.filter(|n| line == 0 || *n == 0);
         let said = TableLayout { header_line, ..self.source.layout.clone() };
         let layout = match self.source.text.head(LOOKED_AT + 1) {
             Ok(head) => Layout::of(head, &said)?,
-            Err(error) => return Some(Err(open(self.path, error))),
+            Err(error) => return Some(Err(self.open(error))),
         };
-        let table = self.table(&layout, line);
-        let mut table = match table {
-            Ok(table) => table,
-            Err(error) => return Some(Err(error)),
-        };
-        match table.take(&mut self.source.text, &layout, line) {
-            Ok(next) => self.line = next,
-            Err(error) => return Some(Err(open(self.path, error))),
-        }
-        Some(table.believable().map(|()| table))
+        let begun = self.table(&layout, line).map(|mut table| {
+            let taking = Taking::new(&mut table, &mut self.source.text, &layout, line);
+            Begun { table, layout, taking }
+        });
+        Some(begun)
     }
+
+    /// Goes on by a piece of the text; false at the end of the recording.
+    fn piece(&mut self, begun: &mut Begun) -> Result<bool, TableError> {
+        let Begun { table, layout, taking } = begun;
+        match taking.piece(table, &mut self.source.text, layout) {
+            Ok(Taken::Piece) => Ok(true),
+            Ok(Taken::End(next)) => {
+                self.line = next;
+                Ok(false)
+            }
+            Err(error) => Err(self.open(error)),
+        }
+    }
+
+    fn open(&self, source: std::io::Error) -> TableError {
+        TableError::Open { path: self.path.to_owned(), source }
+    }
+
+    fn whole(&mut self, mut begun: Begun) -> Result<Table, TableError> {
+        while self.piece(&mut begun)? {}
+        begun.table.believable().map(|()| begun.table)
+    }
+}
+
+/// A table that is being read.
+struct Begun {
+    table: Table,
+    layout: Layout,
+    taking: Taking,
 }
 
 impl Iterator for Blocks<'_> {
@@ -278,7 +332,49 @@ impl Iterator for Blocks<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let line = self.line.take()?;
-        self.read(line)
+        Some(self.begin(line)?.and_then(|begun| self.whole(begun)))
+    }
+}
+
+/// The samples of one recording of a file, a piece at a time.
+pub(super) struct Pieces<'a> {
+    blocks: Blocks<'a>,
+    begun: Begun,
+    ended: bool,
+}
+
+impl<'a> Pieces<'a> {
+    /// Samples of the recording that [`Table::read`] gives.
+    ///
+    /// # Errors
+    /// [`TableError`].
+    pub(super) fn open(path: &'a Path, said: &'a Selection, file_number: usize) -> Result<Self, TableError> {
+        let no_table = || TableError::NoTable { path: path.to_owned() };
+        let source = Source::of_file(path, &said.layout)?;
+        let mut blocks = Blocks { surveyed: true, ..Blocks::new(path, source, said, file_number) };
+        for _ in 1..said.layout.block.unwrap_or(1) {
+            // what is wrong with one that is not asked for was ignored before
+            if let Some(Err(error @ TableError::Open { .. })) = blocks.next() {
+                return Err(error);
+            }
+        }
+        blocks.surveyed = false;
+        let line = blocks.line.take().ok_or_else(no_table)?;
+        let begun = blocks.begin(line).ok_or_else(no_table)??;
+        Ok(Self { blocks, begun, ended: false })
+    }
+
+    /// The table with the samples of the next piece, to be taken out of it; `None` at the end.
+    ///
+    /// # Errors
+    /// [`TableError::Open`].
+    pub(super) fn next(&mut self) -> Result<Option<&mut Table>, TableError> {
+        if self.ended {
+            return Ok(None);
+        }
+        // the piece in which it ends has samples too
+        self.ended = !self.blocks.piece(&mut self.begun)?;
+        Ok(Some(&mut self.begun.table))
     }
 }
 

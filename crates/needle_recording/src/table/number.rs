@@ -6,6 +6,10 @@ const GROUPS: [char; 5] = ['\'', '’', ' ', '\u{a0}', '\u{202f}'];
 /// A number: 0.5, or 0,5 with a decimal comma. 1,005.0, 1.005,0 and 1'005.0 have groups of three digits.
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     let cell = cell.trim();
+    // most cells of a long table
+    if cell.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'.' | b'-' | b'+' | b'e' | b'E')) && !decimal_comma {
+        return cell.parse().ok();
+    }
     let (point, other) = if decimal_comma { (',', '.') } else { ('.', ',') };
     if (cell.contains(other) || cell.contains(GROUPS))
         && let Some(plain) = ungrouped(cell, point, other)

@@ -145,88 +145,127 @@ impl Cells<'_> {
     }
 }
 
-impl Table {
-    /// Takes the cells that are wanted of every row, and gives the line at which the next recording begins; the text goes on there. `line`:
-    /// number of the text's first line, from 0.
-    pub(super) fn take(&mut self, text: &mut Text, layout: &Layout, line: usize) -> io::Result<Option<usize>> {
-        let (columns, split, rate_hz) = (self.columns.clone(), Splitter::new(layout.separator), self.rate_hz);
-        let (mut number, mut gap, mut blank) = (line + layout.first_row, None::<Gap>, false);
-        let mut clock = Unrolled { of_day: matches!(columns.time, Some((_, Clock::TimeOfDay))), ..Unrolled::default() };
-        self.lines = [number + 1; 2];
-        let mut passed = 0_u64;
+/// The rows of one recording, taken a piece of the text at a time.
+pub(super) struct Taking {
+    columns: Columns,
+    split: Splitter,
+    rate_hz: Option<f64>,
+    /// Lines so far, from the beginning of the file.
+    number: usize,
+    gap: Option<Gap>,
+    /// Whether the line before was blank.
+    blank: bool,
+    clock: Unrolled,
+    /// Rows so far.
+    passed: u64,
+}
+
+/// What came of a piece of the text.
+pub(super) enum Taken {
+    /// Samples, or none.
+    Piece,
+    /// The recording has ended; the next one begins at this line, where the text goes on.
+    End(Option<usize>),
+}
+
+impl Taking {
+    /// `line`: number of the text's first line, from 0.
+    pub(super) fn new(table: &mut Table, text: &mut Text, layout: &Layout, line: usize) -> Self {
+        let of_day = matches!(table.columns.time, Some((_, Clock::TimeOfDay)));
+        let number = line + layout.first_row;
+        table.lines = [number + 1; 2];
         text.skip(layout.offset);
-        while let Some(piece) = text.take()? {
-            let (mut cells, mut byte) = (Vec::new(), 0);
-            for whole in piece.split_inclusive('\n') {
-                let (place, raw) = ([byte, number], whole.trim_end_matches(['\n', '\r']));
-                byte += whole.len();
-                number += 1;
-                if let Some(gap) = &mut gap {
-                    gap.text.push_str(whole);
+        Self {
+            columns: table.columns.clone(),
+            split: Splitter::new(layout.separator),
+            rate_hz: table.rate_hz,
+            number,
+            gap: None,
+            blank: false,
+            clock: Unrolled { of_day, ..Unrolled::default() },
+            passed: 0,
+        }
+    }
+
+    /// Takes the cells that are wanted of every row of the next piece.
+    pub(super) fn piece(&mut self, table: &mut Table, text: &mut Text, layout: &Layout) -> io::Result<Taken> {
+        let Some(piece) = text.take()? else { return Ok(Taken::End(self.end(table, text))) };
+        let (mut cells, mut byte) = (Vec::new(), 0);
+        for whole in piece.split_inclusive('\n') {
+            let (place, raw) = ([byte, self.number], whole.trim_end_matches(['\n', '\r']));
+            byte += whole.len();
+            self.number += 1;
+            if let Some(gap) = &mut self.gap {
+                gap.text.push_str(whole);
+            }
+            if raw.trim().is_empty() {
+                self.blank = true;
+                continue;
+            }
+            if layout::is_comment(raw, layout.comment.as_deref()) {
+                continue;
+            }
+            self.split.split(raw, &mut cells);
+            let of = Cells { cells: &cells, comma: layout.decimal_comma };
+            let mut row = of.row(&self.columns, self.rate_hz.map(|hz| self.passed as f64 / hz));
+            row.stamp = row.stamp.map(|stamp| self.clock.unrolled(stamp));
+            let back = row.stamp.zip(self.clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
+            let words = row.bad && {
+                let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
+                !layout.numeric.iter().any(data)
+            };
+            if !row.bad {
+                if self.gap.as_ref().map_or(self.blank && back, |gap| gap.headers || back) {
+                    let (mut again, next) =
+                        self.gap.take().map_or_else(|| (whole.to_owned(), place[1]), |gap| (gap.text, gap.line));
+                    again.push_str(&piece[byte..]);
+                    text.put_back(again);
+                    return Ok(Taken::End(Some(next)));
                 }
-                if raw.trim().is_empty() {
-                    blank = true;
-                    continue;
+                if let Some(gap) = self.gap.take() {
+                    table.lose(gap);
                 }
-                if layout::is_comment(raw, layout.comment.as_deref()) {
-                    continue;
-                }
-                split.split(raw, &mut cells);
-                let of = Cells { cells: &cells, comma: layout.decimal_comma };
-                let mut row = of.row(&columns, rate_hz.map(|hz| passed as f64 / hz));
-                row.stamp = row.stamp.map(|stamp| clock.unrolled(stamp));
-                let back = row.stamp.zip(clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
-                let words = row.bad && {
-                    let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
-                    !layout.numeric.iter().any(data)
-                };
-                if !row.bad {
-                    if gap.as_ref().map_or(blank && back, |gap| gap.headers || back) {
-                        let (mut again, next) =
-                            gap.map_or_else(|| (whole.to_owned(), place[1]), |gap| (gap.text, gap.line));
-                        again.push_str(&piece[byte..]);
-                        text.put_back(again);
-                        return Ok(Some(next));
-                    }
-                    if let Some(gap) = gap.take() {
-                        self.lose(gap);
-                    }
-                    clock.last = row.stamp.or(clock.last);
-                    self.add(row);
-                } else if words || gap.is_some() {
-                    let begun = || Gap { line: place[1], text: whole.to_owned(), ..Gap::default() };
-                    let gap = gap.get_or_insert_with(begun);
-                    gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
-                    gap.bad += 1;
-                    gap.first_bad.get_or_insert_with(|| shown(number, &cells));
-                    gap.rows.push(row);
-                } else {
-                    self.bad += 1;
-                    self.first_bad.get_or_insert_with(|| shown(number, &cells));
-                    self.add(row);
-                }
-                blank = false;
-                passed += 1;
-                if gap.is_none() {
-                    self.rows += 1;
-                    self.lines[1] = number;
-                }
+                self.clock.last = row.stamp.or(self.clock.last);
+                table.add(row);
+            } else if words || self.gap.is_some() {
+                let begun = || Gap { line: place[1], text: whole.to_owned(), ..Gap::default() };
+                let gap = self.gap.get_or_insert_with(begun);
+                gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
+                gap.bad += 1;
+                gap.first_bad.get_or_insert_with(|| shown(self.number, &cells));
+                gap.rows.push(row);
+            } else {
+                table.bad += 1;
+                table.first_bad.get_or_insert_with(|| shown(self.number, &cells));
+                table.add(row);
+            }
+            self.blank = false;
+            self.passed += 1;
+            if self.gap.is_none() {
+                table.rows += 1;
+                table.lines[1] = self.number;
             }
         }
-        let Some(gap) = gap else { return Ok(None) };
-        // what stands behind the last row is no row of it: another table, or a foot
+        Ok(Taken::Piece)
+    }
+
+    /// What stands behind the last row is no row of it: another table, whose line is given, or a foot.
+    fn end(&mut self, table: &mut Table, text: &mut Text) -> Option<usize> {
+        let gap = self.gap.take()?;
         let another = Layout::of(&gap.text, &super::TableLayout { header_line: None, ..Default::default() });
         if another.is_some_and(|other| other.has_rows()) {
             text.put_back(gap.text);
-            return Ok(Some(gap.line));
+            return Some(gap.line);
         }
-        let (file, count) = (&self.file, gap.bad);
+        let (file, count) = (&table.file, gap.bad);
         let lines = if count == 1 { "1 line" } else { &format!("{count} lines") };
-        self.warnings
-            .push(format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.line + 1));
-        Ok(None)
+        let warning = format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.line + 1);
+        table.warnings.push(warning);
+        None
     }
+}
 
+impl Table {
     fn lose(&mut self, gap: Gap) {
         self.bad += gap.bad;
         self.rows += gap.bad;
@@ -238,17 +277,22 @@ impl Table {
 
     fn add(&mut self, row: Row) {
         let Some(stamp) = row.stamp else { return };
-        self.depths.extend(row.depth_m.map(|depth_m| (stamp, depth_m)));
-        self.forces.extend(row.force_n.map(|force_n| (stamp, force_n)));
-        self.poses.extend(row.pose.map(|pose| (stamp, pose)));
-        self.markers.extend(row.markers.map(|markers| (stamp, markers)));
+        let Row { depth_m, force_n, pose, markers, .. } = row;
+        let is_some = [depth_m.is_some(), pose.is_some(), force_n.is_some(), markers.is_some()];
+        self.usable |= is_some.contains(&true);
+        if let Some(survey) = &mut self.survey {
+            survey.note(stamp, is_some, force_n);
+            return;
+        }
+        self.depths.extend(depth_m.map(|depth_m| (stamp, depth_m)));
+        self.forces.extend(force_n.map(|force_n| (stamp, force_n)));
+        self.poses.extend(pose.map(|pose| (stamp, pose)));
+        self.markers.extend(markers.map(|markers| (stamp, markers)));
     }
 
     /// Rejects a table without a usable row.
     pub(super) fn believable(&self) -> Result<(), TableError> {
-        let nothing =
-            self.depths.is_empty() && self.forces.is_empty() && self.poses.is_empty() && self.markers.is_empty();
-        if !nothing || self.bad == 0 {
+        if self.usable || self.bad == 0 {
             return Ok(());
         }
         let first = self.first_bad.as_deref().unwrap_or_default();

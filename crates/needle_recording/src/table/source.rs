@@ -89,6 +89,12 @@ impl Source {
     }
 }
 
+/// Bytes of a file of text that can be read twice; `None` of a workbook, of arrays, of a pipe.
+pub(in super::super) fn size_of_text(path: &Path) -> Option<u64> {
+    let found = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+    (Form::of(path) == Form::Text).then_some(found.len())
+}
+
 /// Refuses options that have no meaning for any of the files.
 ///
 /// # Errors

@@ -1,0 +1,142 @@
+//! Contract of what a release consists of: the bill of materials, the Debian package, and the history of what a step costs.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::{Value, json};
+
+fn script(name: &str, arguments: &[&str], environment: &[(&str, &str)]) -> Output {
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut command = Command::new(house.join(".ci").join(name));
+    command.args(arguments).envs(environment.iter().copied()).current_dir(house);
+    command.output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn the_bill_of_materials_names_what_is_linked_and_a_damaged_one_is_refused() {
+    let made = script("sbom", &[], &[("SOURCE_DATE_EPOCH", "1795000000")]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let bill: Value = serde_json::from_slice(&made.stdout).unwrap();
+    let of = |name: &str| bill["components"].as_array().unwrap().iter().find(|c| c["name"] == name).cloned();
+    assert_eq!(bill["metadata"]["component"]["name"], "needle_twin");
+    assert_eq!(bill["metadata"]["timestamp"], "2026-11-18T11:06:40Z");
+    let clap = of("clap").unwrap();
+    assert!(clap["purl"].as_str().unwrap().starts_with("pkg:cargo/clap@4") && clap["hashes"][0]["alg"] == "SHA-256");
+    assert!(of("netdev").unwrap()["purl"].is_null(), "it is not the one of the registry");
+    // of tests, of macros, of other features
+    for name in ["proptest", "serde_derive", "testkit", "pyo3", "zenoh"] {
+        assert!(of(name).is_none(), "{name}");
+    }
+    assert_eq!(script("sbom", &[], &[("SOURCE_DATE_EPOCH", "1795000000")]).stdout, made.stdout, "the same bytes");
+
+    let folder = tempfile::tempdir().unwrap();
+    let check = |place: &str, value: &Value| {
+        let (mut bill, path) = (bill.clone(), folder.path().join("bill.json"));
+        *bill.pointer_mut(place).unwrap() = value.clone();
+        fs::write(&path, bill.to_string()).unwrap();
+        let checked = script("sbom", &["--check", path.to_str().unwrap()], &[]);
+        (checked.status.success(), text(&checked.stderr))
+    };
+    assert_eq!(check("/version", &json!(1)), (true, String::new()));
+    for (place, value, says) in [
+        ("/specVersion", json!("1.4"), "specVersion"),
+        ("/serialNumber", json!("1"), "serialNumber"),
+        ("/components/3/name", json!(""), "no name"),
+        ("/components/3/licenses", json!([]), "no licence"),
+        ("/dependencies/3/ref", json!("pkg:cargo/none@1.0.0"), "no component"),
+    ] {
+        let (fits, told) = check(place, &value);
+        assert!(!fits && told.contains(says), "{says}: {told}");
+    }
+}
+
+/// What an administrator finds after `dpkg -i`; skipped where there is no dpkg-deb.
+#[test]
+fn the_package_holds_programs_pages_completions_and_licences() {
+    if Command::new("dpkg-deb").arg("--version").output().is_err() || Command::new("strip").arg("-V").output().is_err()
+    {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
+    let environment = [("BUILT", built.to_str().unwrap()), ("COMPRESSION", "none")];
+    let made = script("deb", &[folder.path().to_str().unwrap()], &environment);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let package = text(&made.stdout).trim().to_owned();
+    let root = folder.path().join("root");
+    let unpacked = Command::new("dpkg-deb").args(["-R", &package, root.to_str().unwrap()]).status().unwrap();
+    assert!(unpacked.success());
+    for file in [
+        "usr/bin/needle_twin",
+        "usr/bin/twin_node",
+        "usr/bin/rig_node",
+        "usr/share/man/man1/needle_twin-replay.1.gz",
+        "usr/share/bash-completion/completions/needle_twin",
+        "usr/share/zsh/vendor-completions/_needle_twin",
+        "usr/share/needle_twin/launch/rig_and_twin.launch.py",
+        "usr/share/needle_twin/parameters/twin.yaml",
+        "usr/share/needle_twin/bags/needle_insertion/metadata.yaml",
+        "usr/share/doc/needle-twin/handbook/getting_started.md",
+        "usr/share/doc/needle-twin/needle_twin.cdx.json.gz",
+    ] {
+        assert!(root.join(file).is_file(), "{file}");
+    }
+    let copyright = fs::read_to_string(root.join("usr/share/doc/needle-twin/copyright")).unwrap();
+    assert!(copyright.contains("\nLicense: MIT\n") && copyright.contains("\nLicense: OFL-1.1\n"), "{copyright}");
+    let control = fs::read_to_string(root.join("DEBIAN/control")).unwrap();
+    let version = format!("Version: {}\n", env!("CARGO_PKG_VERSION"));
+    assert!(control.contains(&version) && control.contains("Depends: libc6 (>= 2."), "{control}");
+    // without the builder's names, and it runs
+    let program = Command::new(root.join("usr/bin/needle_twin")).arg("--version").output().unwrap();
+    assert!(program.status.success(), "{program:?}");
+    let systemd = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch-scripts/systemd");
+    let units = fs::read_dir(systemd).map_or(0, |of| {
+        of.filter(|file| file.as_ref().is_ok_and(|file| file.path().extension().is_some_and(|e| e == "service")))
+            .count()
+    });
+    let packed = fs::read_dir(root.join("usr/lib/systemd/system")).map_or(0, Iterator::count);
+    assert_eq!(packed, units, "units of launch-scripts/systemd");
+    for unit in fs::read_dir(root.join("usr/lib/systemd/system")).into_iter().flatten() {
+        let unit = fs::read_to_string(unit.unwrap().path()).unwrap();
+        assert!(!unit.contains("/usr/local/") && unit.contains("ExecStart=/usr/bin/needle_twin"), "{unit}");
+    }
+}
+
+#[test]
+fn a_step_that_is_five_per_cent_dearer_is_refused() {
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let history = fs::read_to_string(house.join("docs/lab/history.csv")).unwrap();
+    let last = |line: &str| line.split(',').nth(1).is_some_and(|machine| machine == std::env::consts::ARCH);
+    let Some(newest) = history.lines().rev().find(|line| last(line)) else { return };
+    // the name of a scene may have a comma, and then quotation marks
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(newest.as_bytes());
+    let row = reader.records().next().unwrap().unwrap();
+    let (scene, count) = (row[3].to_owned(), row[4].parse::<f64>().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let check = |share: f64| {
+        let path = folder.path().join("counts.json");
+        fs::write(&path, json!({ scene.as_str(): (count * share).round() as u64 }).to_string()).unwrap();
+        let checked = script("history", &["--check", "--counts", path.to_str().unwrap()], &[]);
+        (checked.status.success(), text(&checked.stderr))
+    };
+    assert_eq!(check(1.04), (true, String::new()));
+    assert_eq!(check(0.5), (true, String::new()));
+    let (fits, told) = check(1.06);
+    assert!(!fits && told.contains(&scene) && told.contains("6.0 % more"), "{told}");
+}
+
+/// The picture is that of the numbers.
+#[test]
+fn the_history_is_drawn_as_it_is_committed() {
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let picture = house.join("docs/lab/history.svg");
+    let before = fs::read_to_string(&picture).unwrap();
+    assert!(script("history", &["--draw"], &[]).status.success());
+    assert_eq!(fs::read_to_string(picture).unwrap(), before, "run .ci/history --draw");
+}
