@@ -242,7 +242,20 @@ fn scenes_and_keys_are_listed() {
     for row in keys.as_array().unwrap() {
         assert!(text.contains(row["key"].as_str().unwrap()) && text.contains(row["description"].as_str().unwrap()));
     }
-    assert!(json(&["scene", "check", "--json", "indentation"])[0]["ok"].as_bool().unwrap());
+    let checked = &json(&["scene", "check", "--json", "indentation"])[0];
+    assert!(checked["ok"].as_bool().unwrap());
+    let tried = &checked["tried"];
+    let number = |key: &str| tried[key].as_f64().unwrap();
+    assert!(
+        number("real_time_factor") > 0.0 && number("steps_per_pose") >= 1.0 && number("longest_pose_ms") > 0.0,
+        "{tried}"
+    );
+    assert!((1e-4..0.1).contains(&number("model_error")) && tried["diverged"].is_null(), "{tried}");
+    let text = stdout(&["scene", "check", "indentation"]);
+    assert!(
+        text.contains("times real time") && text.contains("error of the model") && text.contains("accuracy of 1.0 %"),
+        "{text}"
+    );
 }
 
 #[test]

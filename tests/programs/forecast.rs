@@ -77,6 +77,74 @@ fn the_rest_is_not_read_before_the_prediction_is_written() {
     assert!(number(&entry(&json, "gel")["relative_rmse"]) > 0.2, "and the error is that of the other force");
 }
 
+/// Three samples of one tissue, of Yeoh's law, differ by their softness. Of each the first part is fitted; what stiffens further on the others
+/// have shown. What is measured of a sample after the cut changes the forecasts of the others alone.
+#[test]
+fn the_law_is_learnt_from_the_other_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let tables = ["soft", "middle", "stiff"].map(|name| folder.path().join(format!("{name}.csv")));
+    for (path, scale) in tables.iter().zip([0.6, 1.0, 1.7]) {
+        let solved = folder.path().join("solved");
+        let law = format!("model=yeoh c10_pa={} c20_pa={} c30_pa={}", scale * 800.0, scale * 60.0, scale * 120.0);
+        let set = law.split(' ').flat_map(|change| ["--set".to_owned(), format!("material.{change}")]);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_needle_twin"));
+        command.args([
+            "solve",
+            "--scene",
+            "compression",
+            "--set",
+            "motion.depth_m=0.006",
+            "--set",
+            "motion.speed_m_per_s=0.005",
+        ]);
+        let done = command.args(["--set", "motion.pose_hz=100", "--out"]).arg(&solved).args(set).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        fs::copy(solved.join("force.csv"), path).unwrap();
+    }
+    let names: Vec<String> = tables.iter().map(|path| path.display().to_string()).collect();
+    let columns =
+        ["--scene", "compression", "--position", "depth_m", "--force-column", "predicted_n", "--fit-to", "0.4"];
+    let forecast = |more: &[&str], out: &str| -> Value {
+        let out = folder.path().join(out).display().to_string();
+        let all: Vec<&str> = names.iter().map(String::as_str).chain(columns).chain(["--json", "--out", &out]).collect();
+        let (code, json, said) = run(&[&all[..], more].concat());
+        assert_eq!(code, 0, "{said}");
+        serde_json::from_str(&json).unwrap()
+    };
+    let (own, learnt) = (forecast(&["--law", "scene"], "own"), forecast(&[], "learnt"));
+    for name in ["soft", "middle", "stiff"] {
+        let error = |result: &Value| number(&entry(result, name)["relative_rmse"]);
+        println!(
+            "{name}: {} with the scene's law, {} with {}",
+            error(&own),
+            error(&learnt),
+            entry(&learnt, name)["law"]
+        );
+        assert!(
+            entry(&own, name)["law"].is_null()
+                && entry(&learnt, name)["law"].as_str().unwrap().contains("learnt from 2")
+        );
+        assert!(error(&learnt) < 0.02 && error(&learnt) < 0.2 * error(&own), "{name}");
+        assert!(number(&entry(&learnt, name)["coverage"]) > 0.9, "{name}");
+    }
+    // the soft sample's rest becomes another
+    let text = fs::read_to_string(&tables[0]).unwrap();
+    let depth = |line: &str| line.split(',').nth(1).and_then(|d| d.parse::<f64>().ok()).unwrap_or(0.0);
+    let changed = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if depth(line) > 2.5e-3 {
+            cells[2] = format!("{}", 0.5 * cells[2].parse::<f64>().unwrap());
+        }
+        cells.join(",") + "\n"
+    };
+    fs::write(&tables[0], text.lines().map(changed).collect::<String>()).unwrap();
+    forecast(&[], "changed");
+    let prediction =
+        |out: &str, name: &str| fs::read_to_string(folder.path().join(out).join(format!("{name}.csv"))).unwrap();
+    assert_eq!(prediction("learnt", "soft"), prediction("changed", "soft"));
+    assert_ne!(prediction("learnt", "stiff"), prediction("changed", "stiff"));
+}
+
 #[test]
 fn a_second_insertion_follows_from_the_first_and_one_insertion_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -128,7 +128,7 @@ pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, progress: &Progress)
         correction.sealed()
     });
     let left = scene.correction.as_ref().map_or(0.0, |c| c.left);
-    let before = before.into_iter().fold(0.0, f64::max);
+    let before = before.into_iter().map(|error| error.largest).fold(0.0, f64::max);
     let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
     let known = ReferenceSolution::driven(&finer, &between, known, source)?;
     Ok(Some(Learnt { before, left, dropped, scene, learnt_from, held_out, known }))
@@ -238,36 +238,54 @@ fn similarities(
     Ok(numbers.concat())
 }
 
-/// Removes the parts of the correction, of force and targets in turn, that increase the error, and stores the
-/// remaining error. Returns the names of the removed parts.
-fn keep_what_helps(correction: &mut Correction, names: &[&str], before: &[f64], found: &[f64]) -> Vec<String> {
+/// Distance from the finer cloud, over the largest length so far, at the compared depths.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Distance {
+    largest: f64,
+    /// Root mean square.
+    mean: f64,
+}
+
+/// Removes the parts of the correction, of force and targets in turn, that increase the mean error, and stores the
+/// remaining one. Where a tip passes a target, the largest error is that of one depth, which says little of the others. Returns the names
+/// of the removed parts.
+fn keep_what_helps(
+    correction: &mut Correction,
+    names: &[&str],
+    before: &[Distance],
+    found: &[Distance],
+) -> Vec<String> {
     let each = correction.depths.len() * Correction::NUMBERS;
     let all = correction.force.chunks_mut(each).chain(correction.targets.chunks_mut(each));
-    let mut dropped = Vec::new();
+    let (mut dropped, mut left) = (Vec::new(), 0.0_f64);
     for (((name, numbers), before), found) in names.iter().zip(all).zip(before).zip(found) {
-        if found > before {
+        let helps = found.mean <= before.mean;
+        left = left.max(if helps { found.largest } else { before.largest });
+        if !helps {
             numbers.chunks_mut(Correction::NUMBERS).for_each(|n| n.copy_from_slice(&Similarity::NONE.numbers()));
             dropped.push((*name).to_owned());
         }
     }
-    correction.left = before.iter().zip(found).map(|(before, found)| before.min(*found)).fold(0.0, f64::max);
+    correction.left = left;
     dropped
 }
 
-/// Largest distance from the finer cloud, over the largest length so far (captured nodes may move back), from a fifth
+/// Distances from the finer cloud, over the largest length so far (captured nodes may move back), from a fifth
 /// of the path on: of the force, and of each target's displacement.
-fn errors(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Vec<f64> {
+fn errors(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Vec<Distance> {
     let deepest = depths.last().copied().unwrap_or_default();
     let error = |found: &[[f64; 3]], known: &[[f64; 3]]| {
         let mut most = 0.0_f64;
-        let mut worst = 0.0_f64;
+        let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0_f64);
         for ((depth, found), known) in depths.iter().zip(found).zip(known) {
             most = most.max(length(*known));
             if *depth >= COMPARED_FROM * deepest {
-                worst = worst.max(length(std::array::from_fn(|k| found[k] - known[k])) / most);
+                let apart = length(std::array::from_fn(|k| found[k] - known[k])) / most;
+                worst = worst.max(apart);
+                (squares, count) = (squares + apart * apart, count + 1.0);
             }
         }
-        worst
+        Distance { largest: worst, mean: (squares / count.max(1.0)).sqrt() }
     };
     let of_target = |i| error(&displacements(scene, found, i), &displacements(scene, known, i));
     std::iter::once(error(&found.vectors, &known.vectors)).chain((0..scene.targets.len()).map(of_target)).collect()
@@ -296,7 +314,10 @@ mod tests {
             checksum: String::new(),
         };
         let names = ["force", "on the path", "beside it"];
-        let dropped = keep_what_helps(&mut correction, &names, &[0.03, 0.05, 0.04], &[0.01, 0.09, 0.02]);
+        let of = |errors: [[f64; 2]; 3]| errors.map(|[largest, mean]| Distance { largest, mean });
+        let [before, found] =
+            [[[0.03, 0.02], [0.05, 0.02], [0.04, 0.03]], [[0.01, 0.01], [0.09, 0.03], [0.041, 0.01]]].map(of);
+        let dropped = keep_what_helps(&mut correction, &names, &before, &found);
         assert_eq!(dropped, ["on the path"]);
         assert_eq!(correction.force, learnt);
         assert_eq!(correction.targets[..8], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! far        h = f s t                    t: half of the sample's smallest size, m
-//! edge       h_e = R/2, 0.1 h, 0.0304 a   needle of capture radius R, m; plate; indenter of radius a, m; times f where f < 1
+//! edge       h_e = R/2, 0.1 h, 0.0304 a   needle of capture radius R, m; plate; indenter of radius a, m; times f where f < 1, a path at least 0.64 times
 //! growth     g = f g_1                    h(x) = min(h, h_e + g d): d, distance from the edge or path, m
 //! fineness   f = sqrt(accuracy / 0.01)    the error of the force falls with the square of the spacing
 //! ```
@@ -39,6 +39,8 @@ const MEMBRANE: [f64; 2] = [0.3, 0.5];
 const EDGE_OF_PLATE: f64 = 0.1;
 const EDGE_OF_INDENTER: f64 = 0.0304;
 const ON_PATH: f64 = 0.5;
+/// Least fineness of a path: in a half plane finer ones are not graded at their entry, where the force would have a saw-tooth.
+const FINEST_PATH: f64 = 0.64;
 const EDGE_IN_OUTLINE: f64 = 0.3;
 /// The accuracy for which these hold (`docs/lab/model_error.md`), and the steepest growth that a scene may ask for.
 const STANDARD_ACCURACY: f64 = 0.01;
@@ -172,7 +174,7 @@ impl Scene {
         let finer = if frictional && dimension == Dimension::Axisymmetric { self.plane_refinement() } else { 1.0 };
         match self.instrument.as_ref().map(|i| &i.kind) {
             Some(InstrumentKind::Needle(needle)) => {
-                within(fineness * ON_PATH * needle.capture_radius.get() / (finer * spacing))
+                within(fineness.max(FINEST_PATH) * ON_PATH * needle.capture_radius.get() / (finer * spacing))
             }
             _ if self.sample.shape.mesh().is_some() => EDGE_IN_OUTLINE,
             None | Some(InstrumentKind::Plate) => EDGE_OF_PLATE,

@@ -9,6 +9,8 @@ use super::{Halt, Phase, Twin};
 /// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
 const STRIDE: f64 = 0.0025;
 const STRIDES: f64 = 40.0;
+/// The same as a whole number.
+pub(super) const MOST_STRIDES: u32 = 40;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 512;
@@ -22,7 +24,7 @@ pub(super) fn stride(radius: f64, length: f64) -> f64 {
 }
 
 impl Twin {
-    /// Takes further steps at the same pose while the tissue is not near enough to rest, or the front runs through tissue that springs
+    /// Takes further steps at the same pose, at most so many, while the tissue is not near enough to rest, or the front runs through tissue that springs
     /// back after a puncture.
     pub(super) fn come_to_rest(
         &mut self,
@@ -30,6 +32,7 @@ impl Twin {
         tip: &Tip,
         phase: Phase,
         time_s: f64,
+        most: u32,
     ) -> Result<Option<(Balance, u32)>, Halt> {
         let (mut last, mut taken, mut sprang) = (None, 0, false);
         for look in 0..LOOKS {
@@ -40,7 +43,7 @@ impl Twin {
             let [friction, _] = self.needle_forces().unwrap_or_default();
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
             let springs = needle.springs_back(&self.solver, balance.gap, energies);
-            let spent = taken >= self.progress.pace.most();
+            let spent = taken >= most;
             if (settled && !springs) || spent {
                 if !needle.breaks(&balance.instrument, friction) {
                     break;
@@ -56,8 +59,9 @@ impl Twin {
             if look % ADAPT == 0 {
                 self.solver.adapt_damping();
             }
-            last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
-            taken += LOOK;
+            let steps = LOOK.min(most.saturating_sub(taken)).max(1);
+            last = Some(self.advance_safely(steps, [0.0; 3], tip, phase, time_s)?);
+            taken += steps;
         }
         if let Some(balance) = last.as_ref().filter(|_| sprang) {
             self.progress.pace.follow(balance);

@@ -8,7 +8,7 @@ use crate::instrument::{Contact, Tip};
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
-use super::{Halt, Phase, Pose, Prediction, Progress, StampedPose, Twin, recovered};
+use super::{Halt, Phase, Pose, Prediction, Progress, StampedPose, Twin, pierce, recovered};
 
 /// Power iterations after which the fastest mode is known to a per cent.
 const FASTEST_ITERATIONS: usize = 400;
@@ -87,10 +87,14 @@ impl Twin {
         self.happened.begin();
         let way = self.way(&tip);
         self.time(pose.time_s, &tip, way.moves());
-        for between in way.places() {
-            steps = steps.saturating_add(self.go(pose, between)?.steps);
+        let most = self.most_of(way.strides());
+        for (made, between) in (0..).zip(way.places()) {
+            // each that follows has its step
+            let kept = way.strides().saturating_sub(made);
+            steps =
+                steps.saturating_add(self.go(pose, between, most.saturating_sub(steps.saturating_add(kept)))?.steps);
         }
-        let last = self.go(pose, tip)?;
+        let last = self.go(pose, tip, most.saturating_sub(steps))?;
         Ok(Prediction { steps: steps.saturating_add(last.steps), event: self.happened.first(), ..last })
     }
 
@@ -102,16 +106,24 @@ impl Twin {
         }
     }
 
-    /// Takes the tissue to a place at once.
-    pub(super) fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
+    /// Most steps for a way in so many strides: those of a pose, and a jump, which has more strides than any pose, counts as several.
+    pub(super) fn most_of(&self, strides: u32) -> u32 {
+        self.progress.pace.most().saturating_mul(strides.div_ceil(pierce::MOST_STRIDES).max(1))
+    }
+
+    /// Takes the tissue to a place at once, in `most` steps or one.
+    pub(super) fn go(&mut self, pose: StampedPose, tip: Tip, most: u32) -> Result<Prediction, Halt> {
         let Move { travel, moves, phase, steps } = self.set_out(pose.time_s, &tip);
         if steps == 0 {
             return Ok(self.stay(pose.time_s, &tip, phase));
         }
+        let steps = steps.min(most.max(1));
         let mut last = self.advance_safely(steps, travel, &tip, phase, pose.time_s)?;
         self.progress.pace.judge(&last, moves);
         let mut taken = steps;
-        if let Some((balance, further)) = self.come_to_rest(&last, &tip, phase, pose.time_s)? {
+        if let Some((balance, further)) =
+            self.come_to_rest(&last, &tip, phase, pose.time_s, most.saturating_sub(steps))?
+        {
             self.progress.pace.note(&balance);
             last = balance;
             taken += further;

@@ -1,6 +1,7 @@
 //! What the twin computes: each contract a module, one program for all, since linking costs more than running.
 
 mod abuse;
+mod accuracy;
 mod axisymmetric;
 mod bricks;
 #[path = "../../../mtled/tests/clouds/mod.rs"]

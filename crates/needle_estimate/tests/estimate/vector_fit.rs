@@ -119,8 +119,8 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
 #[test]
 fn a_way_aside_tells_modulus_and_coefficient_apart() {
     // as many steps for each pose, so that two runs differ by their keys alone: the two are nearly one
-    let steady = ("stepping.min_steps_per_pose", "8");
-    let changes = [("discretisation.spacing_m", "0.004"), ("motion.depth_m", "0.0035"), steady];
+    let steady = ["stepping.min_steps_per_pose", "stepping.max_steps_per_pose"].map(|key| (key, "8"));
+    let changes = [("discretisation.spacing_m", "0.004"), ("motion.depth_m", "0.0035"), steady[0], steady[1]];
     let scene = scene("needle_insertion", &changes);
     let truth = [1.15 * 1678.0, 0.46];
     let changes =
@@ -165,7 +165,7 @@ fn noise_across_the_axis_costs_nothing() {
         (0..300).map(|i| Reading { time_s: 0.01 * f64::from(i), at: At::Depth(1.2e-5 * f64::from(i - 50)) }).collect();
     let forces = forces(&scene.with(&[Override::typed(MODULUS, 1800.0, "test")]).unwrap(), &readings);
     for noise in [1e-4, 1e-3] {
-        let measured = read(&forces, [noise, noise, 1e-4], [0.0; 3], [0.0; 3], 21);
+        let measured = read(&forces, [noise, noise, 1e-4], [0.0; 3], [0.0; 3], 22);
         let found = fit(&scene, &readings, &measured, &[MODULUS], LoadCell::Drift);
         let alone = fit(&scene, &readings, &along(&measured, &readings), &[MODULUS], LoadCell::Drift);
         let (e, a) = (&found.estimates[0], &alone.estimates[0]);
