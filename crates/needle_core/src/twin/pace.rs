@@ -45,8 +45,10 @@ const LARGEST_BOOST: f64 = 16.0;
 /// Steps for a way that the tissue does not go along with at once, over those that the tolerance asks for; and the largest factor for it. With
 /// 20 and 16 the first forces of an indenter at 5 mm/s were two to five times those at rest (`docs/lab/performance.md`).
 const IMPULSE: [f64; 2] = [80.0, 64.0];
-/// The same of a needle with friction, which comes to rest at each pose.
-const IMPULSE_OF_SLIP: [f64; 2] = [20.0, 16.0];
+/// The same where a small part of the way is new, as that aside of a tilted needle, and of a needle with friction, which comes to rest at each
+/// pose; and the parts of the way between which it rises to [`IMPULSE`].
+const PARTIAL_IMPULSE: [f64; 2] = [20.0, 16.0];
+const NEW_PART: [f64; 2] = [0.25, 0.5];
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
@@ -122,7 +124,7 @@ impl Pace {
             gap: 0.0,
             unsettled: 0.0,
             boost: LARGEST_BOOST,
-            impulse: if slips { IMPULSE_OF_SLIP } else { IMPULSE },
+            impulse: if slips { PARTIAL_IMPULSE } else { IMPULSE },
             lag: if slips { LAG_OF_SLIP } else { LAG },
             lags_by: if slips { CHANGE_OF_SLIP } else { 0.0 },
             force: [0.0; 3],
@@ -140,7 +142,10 @@ impl Pace {
         if travel > 0.0 {
             let unit = self.tolerance * slowest * self.length;
             let wanted = (travel / unit).max(1.0);
-            let [impulse, largest] = self.impulse;
+            let [none, all] = NEW_PART;
+            let part = ((unlearnt / travel - none) / (all - none)).clamp(0.0, 1.0);
+            let [impulse, largest] =
+                std::array::from_fn(|k| PARTIAL_IMPULSE[k] + part * (self.impulse[k] - PARTIAL_IMPULSE[k]));
             let boost = self.boost.max((impulse * unlearnt / (unit * wanted)).min(largest));
             let lag = self.lags_by * self.change / (self.tolerance * slowest * self.peak.max(self.force_floor));
             return ((boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
@@ -252,7 +257,7 @@ mod tests {
             pace.steps(way, unlearnt, slowest, 0.0)
         };
         assert_eq!(steps(5e-6, 0.0), 1);
-        assert_eq!(steps(5e-6, 1e-6), 12);
+        assert_eq!(steps(5e-6, 1e-6), 3);
         assert_eq!(steps(5e-6, 5e-6), 59);
         assert_eq!((steps(1e-4, 0.0), steps(1e-4, 1e-4)), (15, 942));
     }
