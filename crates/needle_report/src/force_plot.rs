@@ -103,8 +103,8 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let passes: Vec<Pass> = ways.into_iter().map(|(pass, _)| pass).collect();
     let entries = entries(&passes, measured, run.band_name());
     let entries: Vec<(&str, Pen)> = entries.iter().map(|(text, pen)| (text.as_str(), *pen)).collect();
-    // with several insertions, predicted and measured curves have a row each
-    let row = if entries.len() > 5 { entries.len().div_ceil(2) } else { entries.len() };
+    // more do not fit beside each other; with several insertions, predicted and measured curves have a row each
+    let row = if entries.len() > 4 { entries.len().div_ceil(2) } else { entries.len() };
     for (entries, y) in entries.chunks(row.max(1)).zip([114.0, 130.0]) {
         legend(&mut picture, [SIDES[0], y], entries);
     }
