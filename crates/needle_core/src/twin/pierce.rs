@@ -8,9 +8,7 @@ use super::{Halt, Phase, Twin};
 /// Longest stride in radii of the needle, at any rate of poses: the front and the shaft's length are brought up to date between two, and
 /// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
 const STRIDE: f64 = 0.0025;
-const STRIDES: f64 = 40.0;
-/// The same as a whole number.
-pub(super) const MOST_STRIDES: u32 = 40;
+pub(super) const STRIDES: u32 = 40;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 512;
@@ -20,7 +18,7 @@ const ADAPT: u32 = 4;
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64) -> f64 {
     let shortest = STRIDE * radius;
-    (length / STRIDES).clamp(shortest, 10.0 * shortest)
+    (length / f64::from(STRIDES)).clamp(shortest, 10.0 * shortest)
 }
 
 impl Twin {

@@ -108,7 +108,7 @@ impl Twin {
 
     /// Most steps for a way in so many strides: those of a pose, and a jump, which has more strides than any pose, counts as several.
     pub(super) fn most_of(&self, strides: u32) -> u32 {
-        self.progress.pace.most().saturating_mul(strides.div_ceil(pierce::MOST_STRIDES).max(1))
+        self.progress.pace.most().saturating_mul(strides.div_ceil(pierce::STRIDES).max(1))
     }
 
     /// Takes the tissue to a place at once, in `most` steps or one.
