@@ -8,8 +8,8 @@
 //! Analysis, 1983). A rod that slips holds the tissue by forces and not by places. That frees modes which are slower than the body's own,
 //! and with damping that is critical for the body's they creep.
 
+use super::explicit::Solver;
 use super::inertia::dot;
-use super::model::Workspace;
 use super::state::State;
 
 /// Lowest frequency that is taken for that of a mode, over that of the body.
@@ -52,12 +52,13 @@ impl AdaptiveDamping {
     }
 }
 
-impl State {
+impl Solver {
     /// Adapts the damping to the frequency of tissue that comes to rest, between two advances at the same pose.
-    pub fn adapt_damping(&mut self, work: &mut Workspace) {
+    pub fn adapt_damping(&mut self) {
         let slowest = self.slowest();
-        let (moving, damping, mass) = (&self.moving, &mut self.control.damping, &self.control.mass);
-        let Sample { u, f } = &mut work.sample;
+        let State { moving, control, .. } = &mut self.state;
+        let (damping, mass) = (&mut control.damping, &control.mass);
+        let Sample { u, f } = &mut self.work.sample;
         if damping.sampled {
             let (mut stiffness, mut inertia) = (0.0, 0.0);
             for n in 0..mass.len() {

@@ -99,7 +99,7 @@ pub struct Workspace {
     pub(super) scratch: Precise<Scratch<f32>, Scratch<f64>>,
     /// A displacement field beside the state's own, m, and then the force there, N.
     pub(super) image: Vec<[f64; 3]>,
-    /// Where tissue that comes to rest was, for [`super::State::adapt_damping`].
+    /// Where tissue that comes to rest was, for [`Solver::adapt_damping`](super::Solver::adapt_damping).
     pub(super) sample: Sample,
     /// Set from outside to end an advance before its last step.
     pub(super) stop: Arc<AtomicBool>,
@@ -118,11 +118,6 @@ impl Workspace {
         // only what a rod holds is brought to rest
         let sample = Sample::new(if model.rest.drag.nodes.is_empty() { 0 } else { nodes });
         Self { pool, scratch, image: vec![[0.0; 3]; nodes], sample, stop: Arc::default() }
-    }
-
-    /// Watches a flag: once it is set, an advance ends within 24 steps.
-    pub fn stop_on(&mut self, flag: Arc<AtomicBool>) {
-        self.stop = flag;
     }
 
     /// Whether that flag is set.
@@ -286,11 +281,6 @@ impl Model {
         control.slowest = self.mode.frequency(control.mass.iter().copied());
         self.mass_scale = scale;
         self.rest.control = state.control;
-    }
-
-    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
-    pub fn set_active(&self, state: &mut State, point: usize, share: f64) {
-        with_kernel!((&self.kernel, &mut state.points) => (k, points) { k.set_active(points, point, share) });
     }
 
     /// The part of a node's vector that its place leaves: of one on a plane of symmetry what lies within that.

@@ -52,7 +52,7 @@ impl Rest {
 impl Model {
     /// The undeformed state.
     #[must_use]
-    pub fn undeformed(&self) -> State {
+    pub(super) fn undeformed(&self) -> State {
         let rest = &self.rest;
         let nodes = rest.role.len();
         let zero = vec![[0.0; 3]; nodes];
