@@ -2,7 +2,7 @@
 //! clouds are packed and coarse nodes chosen. (Supports of different size that hold a place are another question, see
 //! [`crate::approximation::support`].)
 
-type Point = [f64; 3];
+use crate::vector::{Point, dot, sub};
 
 const NONE: u32 = u32::MAX;
 
@@ -52,9 +52,8 @@ impl Grid {
                 for i in range[0].0..=range[0].1 {
                     let mut at = self.heads[(k * self.counts[1] + j) * self.counts[0] + i];
                     while at != NONE {
-                        let q = points[at as usize];
-                        let d = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
-                        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                        let d = sub(points[at as usize], p);
+                        let squared = dot(d, d);
                         if squared < r * r && f(at, squared) {
                             return true;
                         }

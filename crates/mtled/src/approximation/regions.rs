@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 
 use super::mls::Neighbour;
+use crate::vector::{Point, dot, sub};
 
 /// Radii of nodes near an interface over others', in a half plane and in space. In a half plane points there then have as many nodes as
 /// those within a region. In space, where one point stands for two cells, a one-sided fit is softer than the tissue, and the softer the
@@ -91,4 +92,10 @@ impl Regions {
         }
         vec![best.1]
     }
+}
+
+/// Least barycentric coordinate of a place in a cell with these corners, by the slopes of the coordinates: 0 or more inside.
+pub(super) fn least_barycentric<const K: usize>(corners: &[Point; K], slope: &[Point; K], at: Point) -> f64 {
+    let value = |a: usize| dot(slope[a], sub(at, corners[(a + 1) % K]));
+    (0..K).map(value).fold(f64::INFINITY, f64::min)
 }

@@ -3,6 +3,7 @@
 
 use super::mls::Neighbour;
 use super::weight;
+pub use crate::vector::distance;
 
 /// r_j = alpha * mean length of the cell edges at node j, each edge counted once per incident cell, m. Cells are
 /// tetrahedra or triangles.
@@ -32,12 +33,6 @@ pub const REACH: f64 = 0.95;
 /// Leaves out the nodes that are farther from the point than [`REACH`] of their radius.
 pub fn within_reach(neighbours: &mut Vec<Neighbour>) {
     neighbours.retain(|n| n.offset.iter().map(|c| c * c).sum::<f64>() < (REACH * n.radius).powi(2));
-}
-
-/// |a - b|.
-#[must_use]
-pub fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>().sqrt()
 }
 
 /// Node cloud with support radii, searchable by point. Each node is entered in every grid box that its support
@@ -153,20 +148,6 @@ impl Supports {
                 out.push(Neighbour { node: j, offset, radius: r, weight });
             }
         }
-    }
-
-    /// The same nodes, those with `factor` times the `first` radius that then reach a point of `at`.
-    #[must_use]
-    pub fn enlarged(&self, first: &[f64], factor: f64, at: &[[f64; 3]]) -> Self {
-        let wide: Vec<f64> = self.radii.iter().zip(first).map(|(now, r)| now.max(factor * r)).collect();
-        let reaching = Self::new(&self.points, wide.clone(), self.interpolating.clone());
-        let mut radii = self.radii.clone();
-        let mut neighbours = Vec::new();
-        for &x in at {
-            reaching.at(x, &mut neighbours);
-            neighbours.iter().for_each(|n| radii[n.node as usize] = wide[n.node as usize]);
-        }
-        Self::new(&self.points, radii, self.interpolating.clone())
     }
 
     /// Support radii, m.

@@ -45,7 +45,6 @@ mod spacing;
 mod structured;
 mod tree;
 mod triangulate;
-mod vector;
 
 pub use domain::{BASE, Domain, MIRROR, SIDE, TOP};
 pub use error::CloudError;
@@ -61,9 +60,9 @@ pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 pub use structured::structured;
 
+use crate::vector::{self, Point};
 use interfaces::INTERFACE;
 use packing::Packing;
-use vector::Point;
 
 /// Lowest volume-length ratio of a generated cell (1: regular tetrahedron, 0: flat). The presets reach 0.43.
 pub const LEAST_QUALITY: f64 = 0.25;

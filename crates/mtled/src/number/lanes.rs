@@ -172,36 +172,23 @@ impl<T: Real> Number for Lanes<T> {
     }
 }
 
-impl<T: Real> Add for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
+macro_rules! operators {
+    ($($operator:ident::$method:ident: $of:tt,)+) => {$(
+        impl<T: Real> $operator for Lanes<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                self.zip(other, |a, b| a $of b)
+            }
+        }
+    )+};
 }
 
-impl<T: Real> Sub for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-}
-
-impl<T: Real> Mul for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
-    }
-}
-
-impl<T: Real> Div for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
-    }
+operators! {
+    Add::add: +,
+    Sub::sub: -,
+    Mul::mul: *,
+    Div::div: /,
 }
 
 impl<T: Real> Neg for Lanes<T> {

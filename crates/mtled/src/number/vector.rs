@@ -86,7 +86,7 @@ mod avx2 {
 
     /// Runs a pass in single precision.
     #[target_feature(enable = "avx2,fma")]
-    pub fn run_avx2(pass: impl Pass<f32>) {
+    pub(crate) fn run_avx2(pass: impl Pass<f32>) {
         pass.go::<Eight>();
     }
 

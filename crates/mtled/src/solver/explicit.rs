@@ -43,7 +43,8 @@ impl Solver {
         role: Vec<Role>,
         settings: &SolverSettings,
     ) -> Self {
-        Self::of(Arc::new(Model::new(table, cells, points, role, settings)), settings.threads)
+        let model = Model::of_materials(table, cells, points, role, &[settings.law], settings);
+        Self::of(Arc::new(model), settings.threads)
     }
 
     /// The undeformed state of a model, and memory to step it on so many threads.

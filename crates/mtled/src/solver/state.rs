@@ -57,18 +57,18 @@ pub(super) struct Path {
 impl Path {
     /// Whether it is that of a node which is guided along an oblique line.
     #[inline]
-    pub fn is_oblique(&self) -> bool {
+    pub(super) fn is_oblique(&self) -> bool {
         self.along != [0.0; 3]
     }
 
     /// Where the node shall be after a share of the advance.
     #[inline]
-    pub fn at(&self, share: f64, k: usize) -> f64 {
+    pub(super) fn at(&self, share: f64, k: usize) -> f64 {
         self.start[k] + share * (self.end[k] - self.start[k])
     }
 
     /// Where it is after a step of so many.
-    pub fn place(&self, step: u32, steps: u32) -> [f64; 3] {
+    pub(super) fn place(&self, step: u32, steps: u32) -> [f64; 3] {
         let share = f64::from(step) / f64::from(steps);
         std::array::from_fn(|k| self.at(share, k))
     }
@@ -77,7 +77,7 @@ impl Path {
 cloned_field_by_field! {
     /// State of one model: another is a branch of it. Belongs to the model that made it.
     #[derive(Debug)]
-    pub struct State {
+    pub(super) struct State {
         pub(super) moving: Moving,
         pub(super) constraints: Constraints,
         pub(super) control: Control,
@@ -91,11 +91,11 @@ pub(super) struct Tangent(pub [Vec<[f64; 3]>; 3]);
 
 impl Tangent {
     /// Of one node.
-    pub fn of(&self, n: usize) -> [[f64; 3]; 3] {
+    pub(super) fn of(&self, n: usize) -> [[f64; 3]; 3] {
         self.0.each_ref().map(|t| t[n])
     }
 
-    pub fn set(&mut self, n: usize, own: [[f64; 3]; 3]) {
+    pub(super) fn set(&mut self, n: usize, own: [[f64; 3]; 3]) {
         self.0.iter_mut().zip(own).for_each(|(all, own)| all[n] = own);
     }
 }
@@ -154,7 +154,7 @@ cloned_field_by_field! {
 
 impl Kept {
     /// Of a state.
-    pub fn of(moving: &Moving) -> Self {
+    pub(super) fn of(moving: &Moving) -> Self {
         let Moving { u, tangent, mass_factor, time, memory, offset, slip, .. } = moving;
         Self {
             u: u.clone(),
@@ -168,7 +168,7 @@ impl Kept {
     }
 
     /// Keeps another; allocates nothing.
-    pub fn keep(&mut self, moving: &Moving) {
+    pub(super) fn keep(&mut self, moving: &Moving) {
         self.u.clone_from(&moving.u);
         self.tangent.clone_from(&moving.tangent);
         self.memory.clone_from(&moving.memory);
@@ -177,7 +177,7 @@ impl Kept {
     }
 
     /// Goes back to it, at rest; forces are those of [`super::Model::recover`].
-    pub fn give_back(&self, moving: &mut Moving) {
+    pub(super) fn give_back(&self, moving: &mut Moving) {
         moving.u.clone_from(&self.u);
         moving.tangent.clone_from(&self.tangent);
         moving.memory.clone_from(&self.memory);
@@ -231,21 +231,21 @@ cloned_field_by_field! {
 
 impl Control {
     /// Whether masses and largest eigenvalue are to be brought up to date.
-    pub fn is_due(&self) -> bool {
+    pub(super) fn is_due(&self) -> bool {
         self.since_refresh >= 1.0
     }
 }
 
 impl State {
     /// Angular frequency of the slowest mode, rad per step.
-    pub fn slowest(&self) -> f64 {
+    pub(super) fn slowest(&self) -> f64 {
         self.control.slowest / self.moving.mass_factor.sqrt()
     }
 }
 
 impl Constraints {
     /// The surfaces that a free node may meet in a step of so many.
-    pub fn surfaces(&self, step: u32, steps: u32) -> [Option<Moved<'_>>; 2] {
+    pub(super) fn surfaces(&self, step: u32, steps: u32) -> [Option<Moved<'_>>; 2] {
         let (from, to) = (self.way.place(step - 1, steps), self.way.place(step, steps));
         [
             self.instrument.as_ref().map(|surface| Moved { surface, from, to }),

@@ -12,11 +12,12 @@
 //! travel teach next to nothing. c is critical for the slowest mode.
 
 use crate::approximation::Form;
+use crate::vector::dot;
 
 use super::aside::aside;
 use super::disjoint::Each;
 use super::explicit::Solver;
-use super::inertia::{Sums, dot};
+use super::inertia::Sums;
 use super::model::{Model, Workspace, with_kernel};
 use super::nodes::{Held, Nodes, Rule, nodes};
 use super::state::{Constraints, Control, Moving, Role, State};
@@ -154,12 +155,12 @@ impl Model {
         }
         // what a rod drags may take many steps for a small way
         let steps = if state.constraints.drag.nodes.is_empty() { 1 } else { advance.steps };
-        let of_travel = dot(&advance.travel, &advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
+        let of_travel = dot(advance.travel, advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
         let learn = LEARNING * state.slowest();
         let control = &mut state.control;
         control.since_refresh += of_travel.max(f64::from(steps) / f64::from(REFRESH));
-        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
-        let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
+        control.usual_travel = dot(travel, travel).sqrt().max(USUAL_DECAY * control.usual_travel);
+        let square = dot(travel, travel) + (FLOOR * control.usual_travel).powi(2);
         let motion = &mut control.motion;
         motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
         for k in 0..3 {

@@ -27,6 +27,7 @@ use super::{Approximation, ShapeTable};
 use crate::approximation::error::ApproximationError;
 use crate::approximation::mls::{Basis, cholesky, solve};
 use crate::mirror::Mirror;
+use crate::vector::{self, cross, sub};
 
 /// A vector in space, or three right sides.
 type V = [f64; 3];
@@ -121,10 +122,8 @@ impl Approximation {
 
     fn outward(&self, (_, region, face, inner): &([u32; 3], u8, [u32; 3], u32)) -> ([u32; 3], u8, V) {
         let [a, b, c] = face.map(|n| self.points[n as usize]);
-        let from = |p: V| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
-        let (u, v, w) = (from(b), from(c), from(self.points[*inner as usize]));
-        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let inward: f64 = (0..3).map(|k| normal[k] * w[k]).sum();
+        let normal = cross(sub(b, a), sub(c, a));
+        let inward = vector::dot(normal, sub(self.points[*inner as usize], a));
         (*face, *region, normal.map(|n| if inward > 0.0 { -0.5 * n } else { 0.5 * n }))
     }
 }
@@ -291,5 +290,5 @@ fn monomials(x: V, centre: V, scale: f64) -> [f64; 4] {
 }
 
 fn dot(a: &[V], b: &[V]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (0..3).map(|k| a[k] * b[k]).sum::<f64>()).sum()
+    a.iter().zip(b).map(|(a, b)| vector::dot(*a, *b)).sum()
 }

@@ -1,38 +1,54 @@
-//! Three-component vectors as plain arrays.
+//! Vectors and places in space as plain arrays.
 
+/// A vector, or a place in m.
 pub(crate) type Point = [f64; 3];
 
-#[inline]
+/// a + b.
+#[inline(always)]
 pub(crate) fn add(a: Point, b: Point) -> Point {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
-#[inline]
+
+/// a - b.
+#[inline(always)]
 pub(crate) fn sub(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
-#[inline]
+
+/// s a.
+#[inline(always)]
 pub(crate) fn scale(a: Point, s: f64) -> Point {
     [a[0] * s, a[1] * s, a[2] * s]
 }
-#[inline]
+
+/// a . b.
+#[inline(always)]
 pub(crate) fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
-#[inline]
+
+/// a x b.
+#[inline(always)]
 pub(crate) fn cross(a: Point, b: Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
+
+/// |a|.
 #[inline]
 pub(crate) fn norm(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
+
 /// √(x² + y²); lengths of a body are far from overflow, and `hypot` is slow.
 #[inline]
 pub(crate) fn length2(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
+
+/// |a - b|.
 #[inline]
-pub(crate) fn distance(a: Point, b: Point) -> f64 {
+#[must_use]
+pub fn distance(a: Point, b: Point) -> f64 {
     norm(sub(a, b))
 }
 
