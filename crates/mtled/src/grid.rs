@@ -38,9 +38,27 @@ impl Grid {
         self.heads[at] = (self.next.len() - 1) as u32;
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Holds these points and no others.
+    pub(crate) fn refill(&mut self, points: &[Point]) {
         self.heads.fill(NONE);
         self.next.clear();
+        points.iter().for_each(|&p| self.push(p));
+    }
+
+    /// Whether any point is nearer to p than `gap` times the mean of their spacings, `h` being that at p and `spacings` those at the points,
+    /// which grow by `growth` per length at most.
+    pub(crate) fn crowded(
+        &self,
+        points: &[Point],
+        spacings: &[f64],
+        p: Point,
+        h: f64,
+        [gap, growth]: [f64; 2],
+    ) -> bool {
+        self.any(points, p, gap * h / (1.0 - 0.5 * gap * growth), |j, squared| {
+            let least = 0.5 * gap * (h + spacings[j as usize]);
+            squared < least * least
+        })
     }
 
     /// Calls `f(index, squared distance)` for every point within r of p until it returns true; returns whether it did.

@@ -39,6 +39,12 @@ pub(crate) fn norm(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
 
+/// a + t (b - a). Where both ends have the same digits, so has all between: a node is on an edge exactly or not at all.
+#[inline]
+pub(crate) fn between(a: Point, b: Point, t: f64) -> Point {
+    [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) })
+}
+
 /// √(x² + y²); lengths of a body are far from overflow, and `hypot` is slow.
 #[inline]
 pub(crate) fn length2(x: f64, y: f64) -> f64 {
