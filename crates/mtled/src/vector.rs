@@ -45,6 +45,12 @@ pub(crate) fn between(a: Point, b: Point, t: f64) -> Point {
     [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) })
 }
 
+/// Lowest and highest coordinates of all points.
+pub(crate) fn bounds(points: &[Point]) -> [Point; 2] {
+    let all = |k: usize, pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
+    [[0, 1, 2].map(|k| all(k, f64::min, f64::INFINITY)), [0, 1, 2].map(|k| all(k, f64::max, f64::NEG_INFINITY))]
+}
+
 /// √(x² + y²); lengths of a body are far from overflow, and `hypot` is slow.
 #[inline]
 pub(crate) fn length2(x: f64, y: f64) -> f64 {

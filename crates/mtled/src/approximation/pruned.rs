@@ -68,7 +68,7 @@ pub(super) fn pruned<B: Supported>(
         .collect();
     let mut kept = vec![false; places.len()];
     groups.iter().flat_map(|(_, shared)| shared).for_each(|&entry| kept[entry as usize % places.len()] = true);
-    let mut left: Vec<usize> = (0..table.volume.len()).map(|p| entries(&table, p).len()).collect();
+    let mut left: Vec<usize> = (0..table.volume.len()).map(|p| table.entries(p).len()).collect();
     for groups in groups.chunks(GROUPS_AT_A_TIME) {
         let of_group = |(group, shared): &(Vec<u32>, Vec<u32>)| -> Vec<(usize, Row)> {
             let stays = |entry: u32| shared.binary_search(&entry).is_ok() || !kept[entry as usize % places.len()];
@@ -95,7 +95,7 @@ pub(super) fn keep(among: Option<&[u32]>, neighbours: &mut Vec<Neighbour>, entry
 
 /// Entries that enough points of a group have, ascending.
 fn shared(table: &ShapeTable, group: &[u32], least: usize) -> Vec<u32> {
-    let mut all: Vec<u32> = group.iter().flat_map(|&p| &table.nodes[entries(table, p as usize)]).copied().collect();
+    let mut all: Vec<u32> = group.iter().flat_map(|&p| &table.nodes[table.entries(p as usize)]).copied().collect();
     all.sort_unstable();
     let enough = |same: &&[u32]| LANES * same.len() >= least * group.len();
     all.chunk_by(|a, b| a == b).filter(enough).map(|same| same[0]).collect()
@@ -103,7 +103,7 @@ fn shared(table: &ShapeTable, group: &[u32], least: usize) -> Vec<u32> {
 
 /// A point's row by those of its nodes that stay; none where all do, and where it keeps the others.
 fn refitted<B: Supported>(body: &B, table: &ShapeTable, p: usize, stays: impl Fn(u32) -> bool) -> Option<Row> {
-    let own = &table.nodes[entries(table, p)];
+    let own = &table.nodes[table.entries(p)];
     let mut among: Vec<u32> = own.iter().copied().filter(|&entry| stays(entry)).collect();
     if among.len() == own.len() || among.len() < table.form.fewest() {
         return None;
@@ -114,11 +114,7 @@ fn refitted<B: Supported>(body: &B, table: &ShapeTable, p: usize, stays: impl Fn
     let point = body.points(cell as usize)[p - first];
     let row = body.row(cell as usize, point, Some(&among)).ok()?;
     let squares = |gradient: &[[f64; 3]]| gradient.iter().flatten().map(|g| g * g).sum::<f64>();
-    (squares(&row.gradient) <= STEEPEST * squares(&table.gradient[entries(table, p)])).then_some(row)
-}
-
-fn entries(table: &ShapeTable, p: usize) -> std::ops::Range<usize> {
-    table.start[p] as usize..table.start[p + 1] as usize
+    (squares(&row.gradient) <= STEEPEST * squares(&table.gradient[table.entries(p)])).then_some(row)
 }
 
 /// Moves the rows together, of each of which the first `left` entries count.

@@ -3,6 +3,7 @@
 
 use super::mls::Neighbour;
 use super::weight;
+use crate::vector::bounds;
 pub use crate::vector::distance;
 
 /// r_j = alpha * mean length of the cell edges at node j, each edge counted once per incident cell, m. Cells are
@@ -28,10 +29,10 @@ pub fn radii<const K: usize>(points: &[[f64; 3]], cells: &[[u32; K]], alpha: f64
 
 /// Share of its radius within which a node counts: beyond it the quartic weight is below 0.05 %, for a seventh of the nodes
 /// that a ball holds.
-pub const REACH: f64 = 0.95;
+pub(crate) const REACH: f64 = 0.95;
 
 /// Leaves out the nodes that are farther from the point than [`REACH`] of their radius.
-pub fn within_reach(neighbours: &mut Vec<Neighbour>) {
+pub(crate) fn within_reach(neighbours: &mut Vec<Neighbour>) {
     neighbours.retain(|n| n.offset.iter().map(|c| c * c).sum::<f64>() < (REACH * n.radius).powi(2));
 }
 
@@ -53,14 +54,7 @@ impl Supports {
     /// Indexes a cloud. `interpolating` marks the nodes that get the almost singular weight.
     #[must_use]
     pub fn new(points: &[[f64; 3]], radii: Vec<f64>, interpolating: Vec<bool>) -> Self {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        for p in points {
-            for k in 0..3 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
-            }
-        }
+        let [low, high] = bounds(points);
         // The median radius balances boxes per support against candidates per query on a graded cloud.
         let mut sorted = radii.clone();
         sorted.sort_by(f64::total_cmp);

@@ -5,6 +5,7 @@ mod consistent;
 mod points;
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -92,21 +93,23 @@ pub struct ShapeTable {
 
 impl ShapeTable {
     /// Region that an integration point lies in.
-    #[must_use]
-    pub fn region_of(&self, point: usize) -> u8 {
+    pub(crate) fn region_of(&self, point: usize) -> u8 {
         self.region_of_cell(self.cell[point] as usize)
     }
 
     /// Region of a cell.
-    #[must_use]
-    pub fn region_of_cell(&self, cell: usize) -> u8 {
+    pub(crate) fn region_of_cell(&self, cell: usize) -> u8 {
         self.region.get(cell).copied().unwrap_or(0)
     }
 
     /// Whether an integration point lies in a cell that a needle comes to fill.
-    #[must_use]
-    pub fn is_filled(&self, point: usize) -> bool {
+    pub(crate) fn is_filled(&self, point: usize) -> bool {
         self.filled.get(self.cell[point] as usize).copied().unwrap_or(false)
+    }
+
+    /// Where the entries of an integration point stand in `nodes` and `gradient`.
+    pub(crate) fn entries(&self, point: usize) -> Range<usize> {
+        self.start[point] as usize..self.start[point + 1] as usize
     }
 
     /// Adds an integration point.

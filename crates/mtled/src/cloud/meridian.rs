@@ -33,7 +33,7 @@ const REFRESH: usize = 6;
 /// Sweeps of smoothing over the first triangles.
 const SWEEPS: usize = 2;
 /// Lowest shape of a triangle, 4 √3 area over the sum of its squared edges: 1 if equilateral, 0 if flat.
-pub const LEAST_SHAPE: f64 = 0.35;
+pub(crate) const LEAST_SHAPE: f64 = 0.35;
 /// Nodes per square of the spacing in a dense packing, 2/√3.
 const DENSITY: f64 = 1.1547;
 

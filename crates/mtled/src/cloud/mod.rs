@@ -35,12 +35,12 @@ mod packing;
 mod path;
 pub mod quality;
 mod reconnect;
-pub mod reflect;
+mod reflect;
 pub mod revolve;
 mod shift;
 mod skin;
 mod smooth;
-pub mod solid;
+mod solid;
 mod spacing;
 mod structured;
 mod tree;
@@ -68,7 +68,7 @@ use packing::Packing;
 pub const LEAST_QUALITY: f64 = 0.25;
 /// The same of a cloud that conforms to regions: a few cells between nodes that can't move, as at the edges of a box, stay flat.
 /// They have next to no volume, and a meshless fit takes no notice of a cell's shape.
-pub const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
+pub(crate) const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
 /// Sweeps of smoothing over the first triangulation.
 const SWEEPS: usize = 2;
 /// Distance that moved nodes keep from interfaces, as a fraction of the spacing.

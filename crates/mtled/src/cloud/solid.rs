@@ -63,7 +63,6 @@ impl Solid {
     }
 
     /// The solid with what ends at the top or the base of a body of this height going on beyond: no boundary is there.
-    #[must_use]
     pub(crate) fn open(&self, height: f64) -> Self {
         let near = 1e-7 * height;
         let beyond = |low: f64, high: f64| {

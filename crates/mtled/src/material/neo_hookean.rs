@@ -24,7 +24,7 @@ pub type Gradient<T> = [T; 9];
 
 /// J_m: volume ratio below which distortional energies go on along their tangent in J, which keeps the arithmetic finite
 /// until the health check sees the point.
-pub const MIN_JACOBIAN: f64 = 0.02;
+pub(crate) const MIN_JACOBIAN: f64 = 0.02;
 
 /// Whether a component may differ from zero: with symmetry of revolution none that shears the hoop direction does. What is not there is not
 /// computed either, and adds nothing: the bits are the same.
@@ -156,7 +156,7 @@ pub(crate) fn excess<T: Number>(lack: T) -> T {
 
 /// Deviatoric (distortional) energy density mu/2 (J^-2/3 I1 - 3), Pa.
 #[inline(always)]
-pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
+pub(crate) fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
     distortional_energy_in::<T, false>(f, j, mu)
 }
 

@@ -112,7 +112,6 @@ pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f
 }
 
 /// The same of numbers of any kind.
-#[must_use]
 #[inline(always)]
 pub(crate) fn held_in<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N, h: &[N; 6]) -> Distortion<N> {
     let (j, lack) = clamped(j);
@@ -151,7 +150,6 @@ pub(crate) fn held_in<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N
 }
 
 /// J^-2/3 C; below J_m with phi(J) for J^-2/3.
-#[must_use]
 #[inline(always)]
 pub(crate) fn unimodular<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N) -> [N; 6] {
     let (j, lack) = clamped(j);
@@ -188,7 +186,6 @@ fn column<N: Number, const AXISYMMETRIC: bool>(a: &Gradient<N>, b: &Gradient<N>,
 }
 
 /// Pi = J^2/3 F^-1 P of a stress without pressure, Pa.
-#[must_use]
 #[inline(always)]
 pub(crate) fn reference_stress<N: Number, const AXISYMMETRIC: bool>(
     cof: &Gradient<N>,

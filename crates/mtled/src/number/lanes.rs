@@ -54,7 +54,7 @@ impl<T: Real> Lanes<T> {
 
     /// Several numbers for each lane out of a table that has them side by side.
     #[inline(always)]
-    pub fn look_up<const N: usize>(table: &[[T; N]], at: &[u16; LANES]) -> [Self; N] {
+    pub(crate) fn look_up<const N: usize>(table: &[[T; N]], at: &[u16; LANES]) -> [Self; N] {
         let mut out = [Self::default(); N];
         for i in 0..LANES {
             let found = table[usize::from(at[i])];
@@ -83,7 +83,7 @@ impl<T: Real> Lanes<T> {
 
     /// The lanes whose bit is set, zero in the others.
     #[inline(always)]
-    pub fn where_bit(self, bits: u8) -> Self {
+    pub(crate) fn where_bit(self, bits: u8) -> Self {
         let mut out = Self::default();
         for i in 0..LANES {
             out.0[i] = if bits & (1 << i) == 0 { T::default() } else { self.0[i] };
@@ -99,7 +99,7 @@ impl<T: Real> Lanes<T> {
 
     /// Sum of eight, in the order of [`Lanes::sum`].
     #[inline(always)]
-    pub fn sum_of(a: &[Self; LANES]) -> Self {
+    pub(crate) fn sum_of(a: &[Self; LANES]) -> Self {
         ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]))
     }
 

@@ -103,7 +103,6 @@ pub(super) type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
 
 impl<T: Real> Block<T> {
     /// Groups the points of a shape table and cuts the groups into blocks, each in one region. `places` of the vertices.
-    #[must_use]
     pub(super) fn partition(table: &ShapeTable, vertices: &Vertices, places: &[[f64; 3]], nodes: usize) -> Vec<Self> {
         let mut groups = table.groups(&vertices.cells, places);
         let region = |group: &[u32]| table.region_of(group[0] as usize);
@@ -158,7 +157,7 @@ impl<T: Real> Block<T> {
                 for (k, n) in corners(p).into_iter().enumerate() {
                     block.corners[g][k][lane] = position(&vertices, n);
                 }
-                let entries = table.start[p as usize] as usize..table.start[p as usize + 1] as usize;
+                let entries = table.entries(p as usize);
                 let (scale, packed) = packed::<T>(&table.gradient[entries.clone()]);
                 block.scale[g].0[lane] = T::of(scale);
                 let mut squares = 0.0;
@@ -184,7 +183,6 @@ impl<T: Real> Block<T> {
     }
 
     /// Volume of the point in one slot, m^3.
-    #[must_use]
     pub(super) fn volume_in(&self, slot: usize) -> f64 {
         self.volume[slot / LANES].0[slot % LANES].get()
     }
@@ -219,11 +217,12 @@ fn packed<T: Real>(gradient: &[[f64; 3]]) -> (f64, Vec<[T::Stored; 3]>) {
 
 /// Support nodes of a group's points, ascending.
 fn visited(table: &ShapeTable, group: &[u32]) -> Vec<u32> {
-    let support = |&p: &u32| &table.nodes[table.start[p as usize] as usize..table.start[p as usize + 1] as usize];
+    let support = |&p: &u32| &table.nodes[table.entries(p as usize)];
     ascending(group.iter().flat_map(support).copied())
 }
 
-fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
+/// Each index once, in ascending order.
+pub(super) fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
     let mut v: Vec<u32> = indices.collect();
     v.sort_unstable();
     v.dedup();

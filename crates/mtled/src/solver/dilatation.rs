@@ -30,6 +30,7 @@ use crate::approximation::support::{distance, radii};
 use crate::cloud::quality::six_volumes;
 use crate::grid::Grid;
 use crate::mirror::Mirror;
+use crate::vector::bounds;
 
 /// Distance between coarse nodes over the spacing of the cloud there.
 pub(super) const COARSENING: f64 = 1.5;
@@ -65,7 +66,6 @@ impl Dilatation {
     /// Chooses coarse nodes greedily (deterministic) and fits N_aP: those that several regions share first, so that what is
     /// chosen in a region depends neither on the others nor on their order, then in node order. `region` of each point: no fit reaches
     /// from one to another.
-    #[must_use]
     pub(super) fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], form: Form) -> Self {
         let spacing = match form {
             Form::Full | Form::Mirrored(_) => radii(points, cells, 1.0),
@@ -132,7 +132,6 @@ impl Dilatation {
     }
 
     /// One pressure per node: the average nodal volume ratio of Bonet & Burton (1998).
-    #[must_use]
     pub(super) fn nodal(region: &[u8]) -> Self {
         let nodes = region.len();
         Self {
@@ -145,7 +144,6 @@ impl Dilatation {
     }
 
     /// Entries of node a.
-    #[must_use]
     pub(super) fn of_node(&self, a: usize) -> (&[u32], &[f64]) {
         let range = self.start[a] as usize..self.start[a + 1] as usize;
         (&self.coarse[range.clone()], &self.value[range])
@@ -235,8 +233,7 @@ fn coarse_nodes(
     let mut sorted = spacing.to_vec();
     sorted.sort_by(f64::total_cmp);
     let size = COARSENING * sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-    let bound = |k: usize, pick: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0);
-    let (low, high) = ([0, 1, 2].map(|k| bound(k, f64::min)), [0, 1, 2].map(|k| bound(k, f64::max)));
+    let [low, high] = bounds(points);
     let widest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
     let mut grid = Grid::of_cells(low, high, size.max(widest / 200.0).max(f64::MIN_POSITIVE));
     let (mut coarse, mut at): (Vec<u32>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());

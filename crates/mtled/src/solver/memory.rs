@@ -70,7 +70,6 @@ impl Memory {
     }
 
     /// Memory of so many groups; none for an elastic material.
-    #[must_use]
     pub(super) fn new(prony: &Prony, groups: usize, form: Form) -> Self {
         if prony.is_empty() {
             return Self::default();
@@ -90,7 +89,6 @@ impl Memory {
     }
 
     /// Integrals at the last commit.
-    #[must_use]
     pub(super) fn sums(&self) -> &Sums {
         &self.sums
     }

@@ -107,7 +107,6 @@ pub(super) struct Workspace {
 
 impl Workspace {
     /// Memory and threads, the caller's included, for a model; no more threads than are worth having.
-    #[must_use]
     pub(super) fn new(model: &Model, threads: usize) -> Self {
         let pool = Pool::new(threads.min(model.threads));
         let scratch = match &model.kernel {
@@ -121,13 +120,11 @@ impl Workspace {
     }
 
     /// Whether that flag is set.
-    #[must_use]
     pub(super) fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
     /// Threads that a step uses.
-    #[must_use]
     pub(super) fn threads(&self) -> usize {
         self.pool.threads()
     }

@@ -77,7 +77,6 @@ impl Constants {
     /// With c the largest singular value of cof F, a.A(N).a <= (kappa u'')c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2) for the
     /// neo-Hookean law (its mixed term is negative in principal directions); the pressure itself drops out, because det
     /// is linear along a (x) N.
-    #[must_use]
     pub(super) fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
         let cof = cofactor(f);
         let (j, lack) = clamped(determinant(f, &cof));

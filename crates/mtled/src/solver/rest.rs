@@ -51,7 +51,6 @@ impl Rest {
 
 impl Model {
     /// The undeformed state.
-    #[must_use]
     pub(super) fn undeformed(&self) -> State {
         let rest = &self.rest;
         let nodes = rest.role.len();

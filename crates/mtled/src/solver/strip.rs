@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::block::ascending;
 use crate::number::{LANES, Lanes};
 use crate::number::{Number, Real};
 
@@ -45,16 +46,11 @@ impl<T: Real> StripScratch<T> {
 impl<T: Real> Strip<T> {
     /// Collects the (P, N_aP) of the nodes a; what is given twice is added.
     pub(super) fn new<I: Iterator<Item = (u32, f64)>>(nodes: Range<usize>, entries: impl Fn(usize) -> I) -> Self {
-        let ascending = |mut v: Vec<u32>| {
-            v.sort_unstable();
-            v.dedup();
-            v
-        };
-        let coarse = ascending(nodes.clone().flat_map(&entries).map(|e| e.0).collect());
+        let coarse = ascending(nodes.clone().flat_map(&entries).map(|e| e.0));
         let mut strip = Self { start: vec![0], local: Vec::new(), value: Vec::new(), nodes: nodes.clone(), coarse };
         for first in nodes.clone().step_by(LANES) {
             let group = first..(first + LANES).min(nodes.end);
-            let columns = ascending(group.clone().flat_map(&entries).map(|e| e.0).collect());
+            let columns = ascending(group.clone().flat_map(&entries).map(|e| e.0));
             let from = strip.value.len();
             strip.value.resize(from + columns.len(), Lanes::default());
             for (lane, a) in group.enumerate() {

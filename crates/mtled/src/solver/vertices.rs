@@ -16,7 +16,6 @@ pub(super) struct Vertices {
 
 impl Vertices {
     /// Vertices of cells among so many nodes. `region` of each cell; empty: one region.
-    #[must_use]
     pub(super) fn new(cells: &[[u32; 4]], region: &[u8], nodes: usize) -> Self {
         let mut own: Vec<(u32, u8)> = cells.iter().zip(region).flat_map(|(c, &r)| c.map(|n| (n, r))).collect();
         own.sort_unstable();
@@ -44,7 +43,6 @@ impl Vertices {
     }
 
     /// Places of the vertices, m.
-    #[must_use]
     pub(super) fn places(&self, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         self.node.iter().map(|&n| points[n as usize]).collect()
     }

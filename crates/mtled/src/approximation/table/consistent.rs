@@ -53,7 +53,7 @@ impl Approximation {
         };
         let mut missing = self.surface_integrals(tied, basis)?;
         for g in 0..table.volume.len() {
-            for e in entries(&table, g) {
+            for e in table.entries(g) {
                 let left = &mut missing[table.nodes[e] as usize];
                 (0..3).for_each(|k| left[k] -= table.volume[g] * table.gradient[e][k]);
             }
@@ -137,10 +137,6 @@ fn face_points() -> impl Iterator<Item = (V, f64)> {
         })
 }
 
-fn entries(table: &ShapeTable, point: usize) -> std::ops::Range<usize> {
-    table.start[point] as usize..table.start[point + 1] as usize
-}
-
 /// What a body's symmetry makes of vectors of all entries, and of those of nodes alone.
 struct Symmetry {
     mirror: Option<Mirror>,
@@ -186,7 +182,7 @@ struct Fits<'a> {
 impl<'a> Fits<'a> {
     fn new(table: &'a ShapeTable, places: &'a [V], symmetry: &'a Symmetry) -> Self {
         let of = |g: usize| {
-            let nodes = &table.nodes[entries(table, g)];
+            let nodes = &table.nodes[table.entries(g)];
             let count = nodes.len() as f64;
             let mean = |f: &dyn Fn(V) -> f64| nodes.iter().map(|&n| f(places[n as usize])).sum::<f64>() / count;
             let centre = [mean(&|x| x[0]), mean(&|x| x[1]), mean(&|x| x[2])];
@@ -208,7 +204,7 @@ impl<'a> Fits<'a> {
         let points = block * BLOCK..((block + 1) * BLOCK).min(self.table.volume.len());
         let mut d = Vec::new();
         for g in points {
-            let nodes = &self.table.nodes[entries(self.table, g)];
+            let nodes = &self.table.nodes[self.table.entries(g)];
             let (centre, scale, Some(factor)) = &self.moments[g] else {
                 d.resize(d.len() + nodes.len(), [0.0; 3]);
                 continue;
@@ -236,7 +232,7 @@ impl<'a> Fits<'a> {
         let mut sum = vec![[0.0; 3]; self.places.len()];
         let d = self.blocks(&self.symmetry.unfolded(beta)).into_iter().flatten();
         let volumes =
-            (0..self.table.volume.len()).flat_map(|g| entries(self.table, g).map(move |_| self.table.volume[g]));
+            (0..self.table.volume.len()).flat_map(|g| self.table.entries(g).map(move |_| self.table.volume[g]));
         for ((n, d), volume) in self.table.nodes.iter().zip(d).zip(volumes) {
             (0..3).for_each(|k| sum[*n as usize][k] += volume * d[k]);
         }
@@ -248,7 +244,7 @@ impl<'a> Fits<'a> {
     fn solved(&self, mut residual: Vec<V>) -> Result<Vec<V>, usize> {
         let mut weight = vec![0.0; residual.len()];
         for g in 0..self.table.volume.len() {
-            for &n in &self.table.nodes[entries(self.table, g)] {
+            for &n in &self.table.nodes[self.table.entries(g)] {
                 let node = n as usize % residual.len();
                 weight[node] += self.table.volume[g];
             }
