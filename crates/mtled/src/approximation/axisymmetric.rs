@@ -36,8 +36,7 @@ use super::table::{Form, Row, Settings, ShapeTable};
 use crate::mirror::Mirror;
 
 /// The nodes (r, 0, z) of a half plane with their images at -r.
-#[must_use]
-pub fn in_half_plane(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> MirroredSupports {
+pub(crate) fn in_half_plane(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> MirroredSupports {
     let on_axis = points.iter().map(|p| p[0] == 0.0).collect();
     MirroredSupports::new(points, radii, interpolating, Some(Mirror::along([0.0, -1.0])), on_axis)
 }

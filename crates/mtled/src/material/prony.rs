@@ -37,7 +37,7 @@ pub struct Prony {
 
 /// e_i and g_i r_i of a time increment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Increment {
+pub(crate) struct Increment {
     /// e_i.
     pub decay: [f64; MOST_TERMS],
     /// g_i r_i.
@@ -91,8 +91,7 @@ impl Prony {
     }
 
     /// The factors of a time increment of `dt` seconds, 0 or more.
-    #[must_use]
-    pub fn increment(&self, dt: f64) -> Increment {
+    pub(crate) fn increment(&self, dt: f64) -> Increment {
         let mut out = Increment { decay: [1.0; MOST_TERMS], ramp: [0.0; MOST_TERMS], elastic: self.long_term_share() };
         for i in 0..self.count {
             let x = dt / self.times[i];

@@ -34,7 +34,7 @@ impl<T: Real> Lanes<T> {
 
     /// In double precision.
     #[inline(always)]
-    pub fn wide(self) -> Lanes<f64> {
+    pub(crate) fn wide(self) -> Lanes<f64> {
         let mut out = Lanes::default();
         for i in 0..LANES {
             out.0[i] = self.0[i].get();
@@ -44,7 +44,7 @@ impl<T: Real> Lanes<T> {
 
     /// Rounded from double precision.
     #[inline(always)]
-    pub fn narrow(wide: Lanes<f64>) -> Self {
+    pub(crate) fn narrow(wide: Lanes<f64>) -> Self {
         let mut out = Self::default();
         for i in 0..LANES {
             out.0[i] = T::of(wide.0[i]);

@@ -35,7 +35,7 @@ pub struct Surface {
 
 /// Whose surface holds a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum By {
+pub(super) enum By {
     /// Nobody's: the node is free.
     #[default]
     Nobody,
@@ -47,7 +47,7 @@ pub enum By {
 
 /// What a surface does to a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Touch {
+pub(super) struct Touch {
     /// Who touches it.
     pub by: By,
     /// Unit normal, out of the surface.
@@ -60,7 +60,7 @@ pub struct Touch {
 
 impl Touch {
     /// Force of the surface on a node whose internal force is `f`, N: what it holds of that, and friction.
-    pub fn force(&self, f: &[f64; 3]) -> [f64; 3] {
+    pub(super) fn force(&self, f: &[f64; 3]) -> [f64; 3] {
         if self.sticks {
             return *f;
         }
@@ -69,7 +69,7 @@ impl Touch {
     }
 
     /// The part of a vector in which the node is free.
-    pub fn free(&self, v: &[f64; 3]) -> [f64; 3] {
+    pub(super) fn free(&self, v: &[f64; 3]) -> [f64; 3] {
         if self.sticks {
             return [0.0; 3];
         }

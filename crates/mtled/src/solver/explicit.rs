@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use crate::approximation::ShapeTable;
 
 use super::aside::{along, aside};
-use super::contact::Touch;
 use super::drag::{End, Grip, Wall};
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
@@ -224,12 +223,6 @@ impl Solver {
     #[must_use]
     pub fn of_layer(&self, layer: usize) -> f64 {
         self.state.constraints.drag.of_layer(layer, &self.state.moving.u)
-    }
-
-    /// What surfaces do to each node.
-    #[must_use]
-    pub fn touches(&self) -> &[Touch] {
-        &self.state.moving.touch
     }
 
     /// What of a way of the instrument, m, is along directions whose tangent motions have not been learnt yet (see `solver::step`). The tissue

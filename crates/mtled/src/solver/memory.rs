@@ -65,7 +65,7 @@ pub(super) struct Sums {
 impl Memory {
     /// One group within an increment, all its points alike.
     #[cfg(test)]
-    pub fn holding(held: Symmetric, elastic: f64) -> Self {
+    pub(crate) fn holding(held: Symmetric, elastic: f64) -> Self {
         Self { held: vec![held.map(Lanes::splat)], elastic, ..Self::default() }
     }
 

@@ -43,7 +43,7 @@ mod team;
 mod vertices;
 mod work;
 
-pub use contact::{By, Surface, Touch};
+pub use contact::Surface;
 pub use drag::{End, Grip, Wall};
 pub use explicit::Solver;
 pub use kernel::{InternalForce, Kernel};
