@@ -2,7 +2,7 @@
 //! clouds are packed and coarse nodes chosen. (Supports of different size that hold a place are another question, see
 //! [`crate::approximation::support`].)
 
-type Point = [f64; 3];
+use crate::vector::{Point, dot, sub};
 
 const NONE: u32 = u32::MAX;
 
@@ -38,9 +38,27 @@ impl Grid {
         self.heads[at] = (self.next.len() - 1) as u32;
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Holds these points and no others.
+    pub(crate) fn refill(&mut self, points: &[Point]) {
         self.heads.fill(NONE);
         self.next.clear();
+        points.iter().for_each(|&p| self.push(p));
+    }
+
+    /// Whether any point is nearer to p than `gap` times the mean of their spacings, `h` being that at p and `spacings` those at the points,
+    /// which grow by `growth` per length at most.
+    pub(crate) fn crowded(
+        &self,
+        points: &[Point],
+        spacings: &[f64],
+        p: Point,
+        h: f64,
+        [gap, growth]: [f64; 2],
+    ) -> bool {
+        self.any(points, p, gap * h / (1.0 - 0.5 * gap * growth), |j, squared| {
+            let least = 0.5 * gap * (h + spacings[j as usize]);
+            squared < least * least
+        })
     }
 
     /// Calls `f(index, squared distance)` for every point within r of p until it returns true; returns whether it did.
@@ -52,9 +70,8 @@ impl Grid {
                 for i in range[0].0..=range[0].1 {
                     let mut at = self.heads[(k * self.counts[1] + j) * self.counts[0] + i];
                     while at != NONE {
-                        let q = points[at as usize];
-                        let d = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
-                        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                        let d = sub(points[at as usize], p);
+                        let squared = dot(d, d);
                         if squared < r * r && f(at, squared) {
                             return true;
                         }

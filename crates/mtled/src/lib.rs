@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
+#![warn(unreachable_pub)] // public is what another crate can name
 #![deny(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::multiple_unsafe_ops_per_block)]
 
 pub mod approximation;
@@ -8,4 +9,6 @@ mod grid;
 pub mod material;
 pub mod mirror;
 pub mod number;
+mod shares;
 pub mod solver;
+mod vector;

@@ -67,22 +67,3 @@ impl Mirror {
         points.iter().map(|p| self.across(p).abs() <= ON * size).collect()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_image_is_as_far_on_the_other_side() {
-        for turn in [0.0, 0.7, 2.0_f64] {
-            let mirror = Mirror::along([turn.cos(), turn.sin()]);
-            let v = [0.3, -1.2, 0.7];
-            let (image, within) = (mirror.image(&v), mirror.within(&v));
-            assert!((mirror.across(&image) + mirror.across(&v)).abs() < 1e-15 && mirror.across(&within).abs() < 1e-15);
-            assert!((0..3).all(|k| (0.5 * (v[k] + image[k]) - within[k]).abs() < 1e-15));
-            let there = mirror.to_own_frame(v);
-            assert!((there[1] - mirror.across(&v)).abs() < 1e-15);
-            assert!((0..3).all(|k| (mirror.from_own_frame(there)[k] - v[k]).abs() < 1e-15));
-        }
-    }
-}

@@ -29,15 +29,14 @@ use super::error::ApproximationError;
 use super::mirrored::MirroredSupports;
 use super::mls::{Fit, Neighbour};
 use super::pruned;
-use super::regions::Regions;
+use super::regions::{Regions, least_barycentric};
 use super::repair::{self, Supported};
 use super::support::{radii, within_reach};
 use super::table::{Form, Row, Settings, ShapeTable};
 use crate::mirror::Mirror;
 
 /// The nodes (r, 0, z) of a half plane with their images at -r.
-#[must_use]
-pub fn in_half_plane(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> MirroredSupports {
+pub(crate) fn in_half_plane(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> MirroredSupports {
     let on_axis = points.iter().map(|p| p[0] == 0.0).collect();
     MirroredSupports::new(points, radii, interpolating, Some(Mirror::along([0.0, -1.0])), on_axis)
 }
@@ -209,12 +208,7 @@ impl AxisymmetricApproximation {
     fn entries_at(&self, x: [f64; 3]) -> Result<Vec<Entry>, ApproximationError> {
         let regions = self.regions.at(x, |cell| {
             let corners = self.corners(&self.triangles[cell]);
-            let (_, slope) = triangle(&corners);
-            let value = |a: usize| {
-                let from = corners[(a + 1) % 3];
-                (0..3).map(|k| slope[a][k] * (x[k] - from[k])).sum::<f64>()
-            };
-            (0..3).map(value).fold(f64::INFINITY, f64::min)
+            least_barycentric(&corners, &triangle(&corners).1, x)
         });
         let share = 1.0 / regions.len() as f64;
         let mut all = Vec::new();

@@ -3,6 +3,7 @@
 
 use super::table::ShapeTable;
 use crate::number::LANES;
+use crate::shares::Shares;
 
 impl ShapeTable {
     /// The points in groups that share a vector, each in one region; `cells` by their corners, with the places (m) of these. Supports make no
@@ -24,7 +25,10 @@ fn groups<'a, K: PartialEq>(
     kind: impl Fn(usize) -> K,
     count: usize,
 ) -> Vec<Vec<u32>> {
-    let users = users(at.len(), &nodes, count);
+    let nodes = &nodes;
+    let all = (0..at.len()).flat_map(move |i| nodes(i).iter().map(move |&n| (n, i as u32)));
+    // points by node
+    let users = Shares::of_pairs(all, count);
     let mut left = vec![true; at.len()];
     // the group that last looked at a point
     let mut seen = vec![u32::MAX; at.len()];
@@ -46,7 +50,7 @@ fn groups<'a, K: PartialEq>(
             }
             (0..3).for_each(|k| sum[k] += at[next as usize][k]);
             for &n in nodes(next as usize) {
-                for &q in users.of(n) {
+                for &q in users.of_index(n as usize) {
                     let like = kind(q as usize) == kind(first as usize);
                     if left[q as usize] && like && seen[q as usize] != groups.len() as u32 {
                         seen[q as usize] = groups.len() as u32;
@@ -63,37 +67,6 @@ fn groups<'a, K: PartialEq>(
         groups.push(group);
     }
     groups
-}
-
-/// Which points use each node.
-struct Users {
-    start: Vec<u32>,
-    point: Vec<u32>,
-}
-
-impl Users {
-    fn of(&self, node: u32) -> &[u32] {
-        &self.point[self.start[node as usize] as usize..self.start[node as usize + 1] as usize]
-    }
-}
-
-fn users<'a>(points: usize, nodes: impl Fn(usize) -> &'a [u32], count: usize) -> Users {
-    let mut start = vec![0u32; count + 1];
-    for &n in (0..points).flat_map(&nodes) {
-        start[n as usize + 1] += 1;
-    }
-    for n in 0..count {
-        start[n + 1] += start[n];
-    }
-    let mut point = vec![0; start[count] as usize];
-    let mut next = start.clone();
-    for i in 0..points {
-        for &n in nodes(i) {
-            point[next[n as usize] as usize] = i as u32;
-            next[n as usize] += 1;
-        }
-    }
-    Users { start, point }
 }
 
 #[cfg(test)]

@@ -8,10 +8,10 @@
 //! volume (they are of second degree along each axis); where a face is warped, its two triangles and not the curved face bound the body, as
 //! everywhere else in a cloud. The one point is the centroid, with all of V. A point belongs to the tetrahedron that holds it.
 
+use super::regions::least_barycentric;
 use super::table::tetrahedron;
 use crate::cloud::hexahedron::{CORNERS, Hexahedron};
-
-type Point = [f64; 3];
+use crate::vector::{Point, cross, dot};
 
 /// Points (m) and volumes (m^3) by the tetrahedron that holds them.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +23,12 @@ pub(super) struct HexahedronPoints {
 
 impl HexahedronPoints {
     /// Of the hexahedra among the cells; `eight` says of a cell whether its hexahedron has eight points or one.
-    pub fn new(points: &[Point], cells: &[[u32; 4]], hexahedra: &[Hexahedron], eight: impl Fn(usize) -> bool) -> Self {
+    pub(super) fn new(
+        points: &[Point],
+        cells: &[[u32; 4]],
+        hexahedra: &[Hexahedron],
+        eight: impl Fn(usize) -> bool,
+    ) -> Self {
         let corners = |cell: u32| cells[cell as usize].map(|n| points[n as usize]);
         let mut held: Vec<(u32, Point, f64)> = Vec::new();
         for hexahedron in hexahedra {
@@ -42,7 +47,7 @@ impl HexahedronPoints {
     }
 
     /// Those that a cell holds.
-    pub fn of(&self, cell: usize) -> &[(Point, f64)] {
+    pub(super) fn of(&self, cell: usize) -> &[(Point, f64)] {
         match self.start.get(cell..cell + 2) {
             Some(&[from, to]) => &self.points[from as usize..to as usize],
             _ => &[],
@@ -85,20 +90,12 @@ fn mapped(corners: &[Point; 8], xi: Point) -> (Point, f64) {
             (0..3).for_each(|k| slope[k][i] += 0.125 * sign[k] * factor[(k + 1) % 3] * factor[(k + 2) % 3] * x[i]);
         }
     }
-    let [a, b, c] = slope;
-    let determinant =
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-    (at, determinant)
+    (at, dot(slope[0], cross(slope[1], slope[2])))
 }
 
 /// Least barycentric coordinate of a place in a tetrahedron.
 fn least(x: &[Point; 4], at: Point) -> f64 {
-    let (_, slope) = tetrahedron(x);
-    let value = |a: usize| {
-        let from = x[(a + 1) % 4];
-        (0..3).map(|k| slope[a][k] * (at[k] - from[k])).sum::<f64>()
-    };
-    (0..4).map(value).fold(f64::INFINITY, f64::min)
+    least_barycentric(x, &tetrahedron(x).1, at)
 }
 
 #[cfg(test)]

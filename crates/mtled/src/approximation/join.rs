@@ -8,7 +8,7 @@ use super::support::distance;
 
 /// What a cell is integrated with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Share {
+pub(super) enum Share {
     /// Its own points.
     Own,
     /// One point for itself and this cell.
@@ -29,8 +29,7 @@ struct Candidate {
 
 /// Joins cells in pairs, compact ones first; each cell at most once. Of a pair the larger cell stands for both, and
 /// every node remains a corner of a cell with a point. `region` of each cell, or none: a pair lies in one region.
-#[must_use]
-pub fn pairs(points: &[[f64; 3]], cells: &[[u32; 4]], volume: &[f64], region: &[u8]) -> Vec<Share> {
+pub(super) fn pairs(points: &[[f64; 3]], cells: &[[u32; 4]], volume: &[f64], region: &[u8]) -> Vec<Share> {
     let centre: Vec<[f64; 3]> = cells
         .iter()
         .map(|c| std::array::from_fn(|k| c.iter().map(|&n| points[n as usize][k]).sum::<f64>() / 4.0))

@@ -10,7 +10,7 @@ use crate::mirror::Mirror;
 
 /// Nodes with their images, searchable by place.
 #[derive(Clone, Debug)]
-pub struct MirroredSupports {
+pub(crate) struct MirroredSupports {
     supports: Supports,
     nodes: usize,
     /// The node of each image.
@@ -23,8 +23,7 @@ pub struct MirroredSupports {
 impl MirroredSupports {
     /// Indexes the nodes of a half, all with n.x >= 0; `on_plane` are those that are their own images, none without a plane.
     /// `interpolating` marks those with the almost singular weight.
-    #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         points: &[[f64; 3]],
         radii: &[f64],
         interpolating: &[bool],
@@ -44,20 +43,18 @@ impl MirroredSupports {
     }
 
     /// Nodes of a body that has no plane of symmetry.
-    #[must_use]
-    pub fn whole(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> Self {
+    pub(crate) fn whole(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> Self {
         Self::new(points, radii, interpolating, None, Vec::new())
     }
 
     /// The same nodes with other radii.
-    #[must_use]
-    pub fn with_radii(&self, radii: &[f64]) -> Self {
+    pub(crate) fn with_radii(&self, radii: &[f64]) -> Self {
         let points = &self.supports.points()[..self.nodes];
         Self::new(points, radii, self.interpolating(), self.mirror, self.on_plane.clone())
     }
 
     /// Nodes and images whose support holds x. Overwrites `out`; [`MirroredSupports::node`] tells them apart.
-    pub fn at(&self, x: [f64; 3], out: &mut Vec<Neighbour>) {
+    pub(crate) fn at(&self, x: [f64; 3], out: &mut Vec<Neighbour>) {
         self.supports.at(x, out);
     }
 
@@ -77,8 +74,7 @@ impl MirroredSupports {
     }
 
     /// The node that a neighbour is, and whether it is its image.
-    #[must_use]
-    pub fn node(&self, neighbour: u32) -> (u32, bool) {
+    pub(crate) fn node(&self, neighbour: u32) -> (u32, bool) {
         match (neighbour as usize).checked_sub(self.nodes) {
             None => (neighbour, false),
             Some(image) => (self.original[image], true),
@@ -86,8 +82,7 @@ impl MirroredSupports {
     }
 
     /// The entry of a neighbour in a table: that of the node, or `nodes` more for its image.
-    #[must_use]
-    pub fn entry(&self, neighbour: u32) -> u32 {
+    pub(crate) fn entry(&self, neighbour: u32) -> u32 {
         match self.node(neighbour) {
             (node, false) => node,
             (node, true) => node + self.nodes as u32,
@@ -95,26 +90,22 @@ impl MirroredSupports {
     }
 
     /// Support radii of the nodes, m.
-    #[must_use]
-    pub fn radii(&self) -> &[f64] {
+    pub(crate) fn radii(&self) -> &[f64] {
         &self.supports.radii()[..self.nodes]
     }
 
     /// Which nodes have the almost singular weight.
-    #[must_use]
-    pub fn interpolating(&self) -> &[bool] {
+    pub(crate) fn interpolating(&self) -> &[bool] {
         &self.supports.interpolating()[..self.nodes]
     }
 
     /// The plane.
-    #[must_use]
-    pub const fn mirror(&self) -> Option<Mirror> {
+    pub(crate) const fn mirror(&self) -> Option<Mirror> {
         self.mirror
     }
 
     /// Whether a node lies on the plane.
-    #[must_use]
-    pub fn is_on_plane(&self, node: u32) -> bool {
+    pub(crate) fn is_on_plane(&self, node: u32) -> bool {
         self.on_plane.get(node as usize).copied().unwrap_or(false)
     }
 }

@@ -87,7 +87,7 @@ impl Fit {
     ///
     /// # Errors
     /// [`Singular`] if the moment matrix is not positive definite.
-    pub fn evaluate_in_plane(
+    pub(crate) fn evaluate_in_plane(
         &mut self,
         neighbours: &[Neighbour],
         basis: Basis,

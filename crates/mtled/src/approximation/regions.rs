@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 
 use super::mls::Neighbour;
+use crate::vector::{Point, dot, sub};
 
 /// Radii of nodes near an interface over others', in a half plane and in space. In a half plane points there then have as many nodes as
 /// those within a region. In space, where one point stands for two cells, a one-sided fit is softer than the tissue, and the softer the
@@ -19,7 +20,7 @@ const RADII: [f64; 2] = [1.2, 0.9];
 
 /// Which region cells and nodes belong to; none: one region.
 #[derive(Clone, Debug, Default)]
-pub struct Regions {
+pub(super) struct Regions {
     of_cell: Vec<u8>,
     /// One bit for each region that a node has a cell in.
     of_node: Vec<u64>,
@@ -29,8 +30,7 @@ pub struct Regions {
 
 impl Regions {
     /// Regions of a cloud, `region` below 64 being that of each cell.
-    #[must_use]
-    pub fn new<const K: usize>(points: &[[f64; 3]], cells: &[[u32; K]], region: &[u8]) -> Self {
+    pub(super) fn new<const K: usize>(points: &[[f64; 3]], cells: &[[u32; K]], region: &[u8]) -> Self {
         if region.iter().all(|r| *r == region[0]) {
             return Self { of_cell: region.to_vec(), ..Self::default() };
         }
@@ -43,7 +43,7 @@ impl Regions {
     }
 
     /// Scales the radii near interfaces: of the nodes of all cells that have a node in several regions.
-    pub fn scale<const K: usize>(&self, cells: &[[u32; K]], radii: &mut [f64]) {
+    pub(super) fn scale<const K: usize>(&self, cells: &[[u32; K]], radii: &mut [f64]) {
         let mut near = vec![false; radii.len()];
         let several = |n: &u32| self.of_node.get(*n as usize).is_some_and(|bits| bits.count_ones() > 1);
         for c in cells.iter().filter(|c| c.iter().any(several)) {
@@ -54,27 +54,24 @@ impl Regions {
     }
 
     /// Region of a cell.
-    #[must_use]
-    pub fn of_cell(&self, cell: usize) -> u8 {
+    pub(super) fn of_cell(&self, cell: usize) -> u8 {
         self.of_cell.get(cell).copied().unwrap_or(0)
     }
 
     /// Region of each cell; empty: one region.
-    #[must_use]
-    pub fn of_cells(&self) -> &[u8] {
+    pub(super) fn of_cells(&self) -> &[u8] {
         &self.of_cell
     }
 
     /// Leaves out the neighbours that are not of a region; `node` of a neighbour's index.
-    pub fn keep(&self, region: u8, neighbours: &mut Vec<Neighbour>, node: impl Fn(u32) -> u32) {
+    pub(super) fn keep(&self, region: u8, neighbours: &mut Vec<Neighbour>, node: impl Fn(u32) -> u32) {
         if !self.of_node.is_empty() {
             neighbours.retain(|n| self.of_node[node(n.node) as usize] >> region & 1 == 1);
         }
     }
 
     /// Regions of a place: those of a node, or that of the cell that is `inside` of most, its least barycentric coordinate.
-    #[must_use]
-    pub fn at(&self, x: [f64; 3], inside: impl Fn(usize) -> f64) -> Vec<u8> {
+    pub(super) fn at(&self, x: [f64; 3], inside: impl Fn(usize) -> f64) -> Vec<u8> {
         if self.of_node.is_empty() {
             return vec![self.of_cell(0)];
         }
@@ -91,4 +88,10 @@ impl Regions {
         }
         vec![best.1]
     }
+}
+
+/// Least barycentric coordinate of a place in a cell with these corners, by the slopes of the coordinates: 0 or more inside.
+pub(super) fn least_barycentric<const K: usize>(corners: &[Point; K], slope: &[Point; K], at: Point) -> f64 {
+    let value = |a: usize| dot(slope[a], sub(at, corners[(a + 1) % K]));
+    (0..K).map(value).fold(f64::INFINITY, f64::min)
 }

@@ -17,9 +17,10 @@ use rayon::prelude::*;
 use super::error::ApproximationError;
 use super::mls::Neighbour;
 use super::table::{Form, Row, ShapeTable};
+use crate::vector::{Point, dot, scale, sub};
 
 /// g beyond which a support is enlarged.
-pub const WORST: f64 = 4.0;
+pub(super) const WORST: f64 = 4.0;
 /// Growth of a support from one try to the next.
 const GROWTH: f64 = 1.2;
 /// Tries for a point without a fit, whose support grows 4.3 times at most.
@@ -30,9 +31,6 @@ const ILL_TRIES: i32 = 3;
 const FLAT: f64 = 1e-6;
 /// Cells whose rows are held at a time: rows take the memory of the table once more.
 const CELLS_AT_A_TIME: usize = 2048;
-
-/// A place, m.
-type Point = [f64; 3];
 
 /// An approximation whose supports can grow.
 pub(super) trait Supported: Sync {
@@ -131,17 +129,16 @@ pub(super) fn refusal(at: Point, neighbours: &[Neighbour], dimensions: usize) ->
 
 /// Dimensions that a set of nodes spans: a pivoted Gram-Schmidt process on their distances from the first one.
 fn rank(neighbours: &[Neighbour]) -> usize {
-    let length = |v: &Point| v.iter().map(|c| c * c).sum::<f64>();
+    let length = |v: &Point| dot(*v, *v);
     let origin = neighbours[0].offset;
-    let mut rest: Vec<Point> = neighbours.iter().map(|n| std::array::from_fn(|k| n.offset[k] - origin[k])).collect();
+    let mut rest: Vec<Point> = neighbours.iter().map(|n| sub(n.offset, origin)).collect();
     let longest = rest.iter().map(length).fold(0.0, f64::max);
     (0..3)
         .find(|_| {
             let Some(axis) = rest.iter().copied().max_by(|a, b| length(a).total_cmp(&length(b))) else { return true };
             let square = length(&axis);
             for v in &mut rest {
-                let along = (0..3).map(|k| v[k] * axis[k]).sum::<f64>() / square;
-                *v = std::array::from_fn(|k| v[k] - along * axis[k]);
+                *v = sub(*v, scale(axis, dot(*v, axis) / square));
             }
             square <= FLAT * FLAT * longest || square == 0.0
         })

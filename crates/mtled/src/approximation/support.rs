@@ -3,6 +3,8 @@
 
 use super::mls::Neighbour;
 use super::weight;
+use crate::vector::bounds;
+pub use crate::vector::distance;
 
 /// r_j = alpha * mean length of the cell edges at node j, each edge counted once per incident cell, m. Cells are
 /// tetrahedra or triangles.
@@ -27,17 +29,11 @@ pub fn radii<const K: usize>(points: &[[f64; 3]], cells: &[[u32; K]], alpha: f64
 
 /// Share of its radius within which a node counts: beyond it the quartic weight is below 0.05 %, for a seventh of the nodes
 /// that a ball holds.
-pub const REACH: f64 = 0.95;
+pub(crate) const REACH: f64 = 0.95;
 
 /// Leaves out the nodes that are farther from the point than [`REACH`] of their radius.
-pub fn within_reach(neighbours: &mut Vec<Neighbour>) {
+pub(crate) fn within_reach(neighbours: &mut Vec<Neighbour>) {
     neighbours.retain(|n| n.offset.iter().map(|c| c * c).sum::<f64>() < (REACH * n.radius).powi(2));
-}
-
-/// |a - b|.
-#[must_use]
-pub fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>().sqrt()
 }
 
 /// Node cloud with support radii, searchable by point. Each node is entered in every grid box that its support
@@ -58,14 +54,7 @@ impl Supports {
     /// Indexes a cloud. `interpolating` marks the nodes that get the almost singular weight.
     #[must_use]
     pub fn new(points: &[[f64; 3]], radii: Vec<f64>, interpolating: Vec<bool>) -> Self {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        for p in points {
-            for k in 0..3 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
-            }
-        }
+        let [low, high] = bounds(points);
         // The median radius balances boxes per support against candidates per query on a graded cloud.
         let mut sorted = radii.clone();
         sorted.sort_by(f64::total_cmp);
@@ -153,20 +142,6 @@ impl Supports {
                 out.push(Neighbour { node: j, offset, radius: r, weight });
             }
         }
-    }
-
-    /// The same nodes, those with `factor` times the `first` radius that then reach a point of `at`.
-    #[must_use]
-    pub fn enlarged(&self, first: &[f64], factor: f64, at: &[[f64; 3]]) -> Self {
-        let wide: Vec<f64> = self.radii.iter().zip(first).map(|(now, r)| now.max(factor * r)).collect();
-        let reaching = Self::new(&self.points, wide.clone(), self.interpolating.clone());
-        let mut radii = self.radii.clone();
-        let mut neighbours = Vec::new();
-        for &x in at {
-            reaching.at(x, &mut neighbours);
-            neighbours.iter().for_each(|n| radii[n.node as usize] = wide[n.node as usize]);
-        }
-        Self::new(&self.points, radii, self.interpolating.clone())
     }
 
     /// Support radii, m.

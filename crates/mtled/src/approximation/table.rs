@@ -5,6 +5,7 @@ mod consistent;
 mod points;
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -15,10 +16,11 @@ use super::join::Share;
 use super::mirrored::MirroredSupports;
 use super::mls::{Basis, Fit, Neighbour};
 use super::pruned;
-use super::regions::Regions;
+use super::regions::{Regions, least_barycentric};
 use super::repair::{self, Supported};
 use super::support::{radii, within_reach};
 use crate::mirror::Mirror;
+use crate::vector::{cross, dot, sub};
 
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,21 +93,23 @@ pub struct ShapeTable {
 
 impl ShapeTable {
     /// Region that an integration point lies in.
-    #[must_use]
-    pub fn region_of(&self, point: usize) -> u8 {
+    pub(crate) fn region_of(&self, point: usize) -> u8 {
         self.region_of_cell(self.cell[point] as usize)
     }
 
     /// Region of a cell.
-    #[must_use]
-    pub fn region_of_cell(&self, cell: usize) -> u8 {
+    pub(crate) fn region_of_cell(&self, cell: usize) -> u8 {
         self.region.get(cell).copied().unwrap_or(0)
     }
 
     /// Whether an integration point lies in a cell that a needle comes to fill.
-    #[must_use]
-    pub fn is_filled(&self, point: usize) -> bool {
+    pub(crate) fn is_filled(&self, point: usize) -> bool {
         self.filled.get(self.cell[point] as usize).copied().unwrap_or(false)
+    }
+
+    /// Where the entries of an integration point stand in `nodes` and `gradient`.
+    pub(crate) fn entries(&self, point: usize) -> Range<usize> {
+        self.start[point] as usize..self.start[point + 1] as usize
     }
 
     /// Adds an integration point.
@@ -271,12 +275,7 @@ impl Approximation {
     fn regions_at(&self, x: [f64; 3]) -> Vec<u8> {
         self.regions.at(x, |cell| {
             let corners = self.corners(&self.cells[cell]);
-            let (_, slope) = tetrahedron(&corners);
-            let value = |a: usize| {
-                let from = corners[(a + 1) % 4];
-                (0..3).map(|k| slope[a][k] * (x[k] - from[k])).sum::<f64>()
-            };
-            (0..4).map(value).fold(f64::INFINITY, f64::min)
+            least_barycentric(&corners, &tetrahedron(&corners).1, x)
         })
     }
 
@@ -378,11 +377,9 @@ pub(super) struct Row {
 /// Volume and gradients of the four barycentric coordinates of a tetrahedron.
 #[must_use]
 pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
-    let e: [[f64; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|k| x[a + 1][k] - x[0][k]));
-    let cross =
-        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let e = [1, 2, 3].map(|a| sub(x[a], x[0]));
     let c = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
-    let six_v: f64 = (0..3).map(|k| e[0][k] * c[0][k]).sum();
+    let six_v = dot(e[0], c[0]);
     let g: [[f64; 3]; 3] = c.map(|c| c.map(|v| v / six_v));
     let g0 = std::array::from_fn(|k| -(g[0][k] + g[1][k] + g[2][k]));
     (six_v / 6.0, [g0, g[0], g[1], g[2]])

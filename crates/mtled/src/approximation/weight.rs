@@ -2,11 +2,10 @@
 
 /// Weight and its reduced slope: `(w, (dw/ds)/s)`. The reduced slope stays finite at s = 0, so that
 /// w_,k = ((dw/ds)/s) (x_k - x_jk) / r_j^2 needs no division by a distance.
-pub type Weight = (f64, f64);
+pub(super) type Weight = (f64, f64);
 
 /// Quartic spline: w = 1 - 6 s^2 + 8 s^3 - 3 s^4 for s <= 1.
-#[must_use]
-pub fn quartic(s: f64) -> Weight {
+pub(super) fn quartic(s: f64) -> Weight {
     if s >= 1.0 {
         return (0.0, 0.0);
     }
@@ -15,13 +14,12 @@ pub fn quartic(s: f64) -> Weight {
 }
 
 /// Regularisation of the interpolating weight: phi_i(x_j) differs from delta_ij by about this much.
-pub const INTERPOLATING_EPSILON: f64 = 1e-6;
+pub(super) const INTERPOLATING_EPSILON: f64 = 1e-6;
 
 /// Quartic spline over (s^2 + e): almost singular at its own node, so that the field there equals the nodal value
 /// and essential boundary conditions can be set directly (the idea of Most & Bucher's weight with the quartic's
 /// smooth end).
-#[must_use]
-pub fn interpolating(s: f64) -> Weight {
+pub(super) fn interpolating(s: f64) -> Weight {
     if s >= 1.0 {
         return (0.0, 0.0);
     }

@@ -85,7 +85,9 @@ impl Packing<'_> {
             && self.h(middle) >= FINE * pitch
             && !grid.any(&nodes.points, middle, at_middle, |_, _| true)
             && corners.iter().all(|&p| {
-                room(p, at_corner) && !self.reserved(p) && !self.crowded(nodes, spacings, grid, p, self.h(p), BODY_GAP)
+                room(p, at_corner)
+                    && !self.reserved(p)
+                    && !grid.crowded(&nodes.points, spacings, p, self.h(p), [BODY_GAP, self.spacing.growth])
             })
     }
 }
@@ -124,45 +126,4 @@ impl Bricks {
 /// What tells a place from all others.
 fn digits(p: Point) -> [u64; 3] {
     p.map(f64::to_bits)
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod tests {
-    use super::super::{Axis, Domain, Feature, Solid, Spacing, with_bricks};
-    use crate::approximation::hexahedra::is_sound;
-
-    #[test]
-    fn bricks_are_whole_and_lie_in_one_region_clear_of_path_and_surface() {
-        const INTERFACE: f64 = 0.013;
-        let cylinder = Domain::Cylinder { radius: 0.015, height: 0.017 };
-        let axis = Axis { entry: [0.0; 2], slope: [0.0; 2] };
-        let path = Feature::Path { axis, capture_radius: 0.0005, length: 0.0105, spacing: 0.00025 };
-        let layer = Feature::Region { solid: Solid::Layer { bottom: INTERFACE, top: 0.017 }, spacing: 0.0015 };
-        for (domain, features, share) in [
-            (cylinder, vec![path], 0.5),
-            (cylinder.half(), vec![path], 0.4),
-            (cylinder, vec![path, layer], 0.4),
-            (Domain::Box { size: [0.02; 3] }, Vec::new(), 0.4),
-        ] {
-            let layered = features.len() > 1;
-            let cloud = with_bricks(&domain, &Spacing { far: 0.0015, growth: 0.3, features }).unwrap();
-            let volumes = cloud.volumes();
-            let mut owners = vec![0; cloud.cells.len()];
-            for h in &cloud.hexahedra {
-                h.cells.iter().for_each(|&c| owners[c as usize] += 1);
-                let corners = h.corners.map(|n| cloud.points[n as usize]);
-                assert!(is_sound(&corners));
-                assert!(h.corners.iter().all(|&n| cloud.faces[n as usize] == 0));
-                let above = corners.iter().filter(|p| p[2] > INTERFACE).count();
-                assert!(!layered || above % 8 == 0, "{corners:?} reaches across the interface");
-                assert!(corners.iter().all(|p| p[0].hypot(p[1]) > 0.0005 || p[2] < 0.0065));
-            }
-            assert!(owners.iter().all(|o| *o <= 1), "a tetrahedron is of one hexahedron");
-            let within: f64 = volumes.iter().zip(&owners).filter(|(_, o)| **o > 0).map(|(v, _)| v).sum();
-            let part = within / volumes.iter().sum::<f64>();
-            println!("{} nodes, {} hexahedra, {part:.2} of the volume", cloud.points.len(), cloud.hexahedra.len());
-            assert!(part > share, "{part}");
-        }
-    }
 }

@@ -90,7 +90,7 @@ fn faulty(points: usize, cells: &[[u32; 4]]) -> Result<Vec<Vec<u32>>, CloudError
 pub(crate) fn covers(outline: &Outline, spacing: &Spacing, points: &[Point]) -> Result<(), CloudError> {
     let (low, high) = outline.bounds();
     let mut grid = Grid::new(low, high, points.len());
-    points.iter().for_each(|&p| grid.push(p));
+    grid.refill(points);
     let lost = |p: &Point| !grid.any(points, *p, REACH * spacing.at(&Domain::Outline(outline), *p), |_, _| true);
     match outline.faces().into_iter().filter(|face| *face != BETWEEN).flat_map(|face| outline.corners(face)).find(lost)
     {

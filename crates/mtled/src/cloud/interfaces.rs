@@ -3,10 +3,10 @@
 
 use super::domain::{Domain, MIRROR};
 use super::edges::{Nodes, circle, equidistribute};
-use super::packing::Packing;
+use super::packing::{Packing, pushed};
 use super::solid::Solid;
 use super::spacing::Spacing;
-use super::vector::{Point, add, distance, hash01, norm, scale, sub};
+use super::vector::{Point, add, between, cross, distance, hash01, norm, scale, sub};
 use crate::grid::Grid;
 use std::f64::consts::PI;
 
@@ -53,9 +53,7 @@ impl Solid {
 
     /// Edges of the boundary within a body, and where it meets the body's side.
     fn edges(&self, domain: &Domain) -> Vec<Edge> {
-        let line = |a: Point, b: Point| {
-            move |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) })
-        };
+        let line = |a: Point, b: Point| move |t: f64| between(a, b, t);
         let mut edges: Vec<Edge> = Vec::new();
         match (*self, *domain) {
             (Self::Layer { bottom, top }, Domain::Cylinder { radius, .. }) => {
@@ -257,7 +255,9 @@ impl Packing<'_> {
                 let candidate = solid.onto(add(p, scale(way, self.h(p))), step);
                 let h = self.h(candidate);
                 let close = |q: &Point| distance(*q, candidate) < GAP * 0.5 * (h + self.h(*q));
-                if !self.accepts(solid, candidate, step) || self.near(nodes, grid, candidate, h).any(|q| close(&q)) {
+                if !self.accepts(solid, candidate, step)
+                    || within(grid, &nodes.points, candidate, 1.5 * h).any(|q| close(&q))
+                {
                     continue;
                 }
                 front.push(nodes.points.len() as u32);
@@ -265,8 +265,7 @@ impl Packing<'_> {
             }
         }
         self.relax_interface(solid, nodes, first, step);
-        grid.clear();
-        nodes.points.iter().for_each(|&p| grid.push(p));
+        grid.refill(&nodes.points);
     }
 
     /// Whether a node may be put there on an interface.
@@ -277,23 +276,13 @@ impl Packing<'_> {
             && self.spacing.parts(solid, p, step)
     }
 
-    /// Nodes within a spacing and a half.
-    fn near<'a>(&self, nodes: &'a Nodes, grid: &Grid, p: Point, h: f64) -> impl Iterator<Item = Point> + 'a {
-        let mut found = Vec::new();
-        grid.any(&nodes.points, p, 1.5 * h, |j, _| {
-            found.push(j);
-            false
-        });
-        found.into_iter().map(|j| nodes.points[j as usize])
-    }
-
     /// Short-range forces between the nodes from `first` on and all that lie on the surface.
     fn relax_interface(&self, solid: &Solid, nodes: &mut Nodes, first: usize, step: f64) {
         let on = |p: &Point| solid.signed(*p).abs() < step;
         for _ in 0..RELAXATIONS {
             let all: Vec<Point> = nodes.points.iter().copied().filter(on).collect();
             let mut grid = Grid::new(self.domain.bounds().0, self.domain.bounds().1, all.len().max(64));
-            all.iter().for_each(|&p| grid.push(p));
+            grid.refill(&all);
             let moved: Vec<Point> =
                 nodes.points[first..].iter().map(|&p| self.pushed(solid, p, &all, &grid, step)).collect();
             nodes.points[first..].copy_from_slice(&moved);
@@ -302,20 +291,20 @@ impl Packing<'_> {
 
     fn pushed(&self, solid: &Solid, p: Point, all: &[Point], grid: &Grid, step: f64) -> Point {
         let h = self.h(p);
-        let mut force = [0.0; 3];
-        grid.any(all, p, 1.7 * h, |j, _| {
-            let d = sub(p, all[j as usize]);
-            let length = norm(d);
-            let w = 2.0 * length / (h + self.h(all[j as usize]));
-            if length > 0.0 && w < 1.5 {
-                let f = 1.125 + w * w * (1.25 * w - 2.375);
-                force = add(force, scale(d, f / length));
-            }
-            false
-        });
-        let q = solid.onto(add(p, scale(force, 0.2 * h / norm(force).max(1.0))), step);
+        let near = within(grid, all, p, 1.7 * h).map(|q| (q, self.h(q)));
+        let q = solid.onto(pushed(p, h, near), step);
         if self.accepts(solid, q, step) { q } else { p }
     }
+}
+
+/// Points within a distance of p.
+fn within<'a>(grid: &Grid, points: &'a [Point], p: Point, r: f64) -> impl Iterator<Item = Point> + use<'a> {
+    let mut found = Vec::new();
+    grid.any(points, p, r, |j, _| {
+        found.push(j);
+        false
+    });
+    found.into_iter().map(|j| points[j as usize])
 }
 
 /// Two unit vectors across a unit vector.
@@ -325,6 +314,5 @@ pub(crate) fn tangents(n: Point) -> [Point; 2] {
     axis[least] = 1.0;
     let across = sub(axis, scale(n, n[least]));
     let first = scale(across, 1.0 / norm(across));
-    let second = [0, 1, 2].map(|k| n[(k + 1) % 3] * first[(k + 2) % 3] - n[(k + 2) % 3] * first[(k + 1) % 3]);
-    [first, second]
+    [first, cross(n, first)]
 }

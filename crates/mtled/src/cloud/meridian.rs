@@ -17,7 +17,7 @@ use super::packing::Packing;
 use super::solid::changes;
 use super::spacing::{Feature, MAX_NODES, Spacing};
 use super::triangulate::{orient, triangulate};
-use super::vector::{Point, add, distance, hash01, scale, sub};
+use super::vector::{Point, add, between, distance, hash01, scale, sub};
 use crate::grid::Grid;
 use std::f64::consts::PI;
 
@@ -33,7 +33,7 @@ const REFRESH: usize = 6;
 /// Sweeps of smoothing over the first triangles.
 const SWEEPS: usize = 2;
 /// Lowest shape of a triangle, 4 √3 area over the sum of its squared edges: 1 if equilateral, 0 if flat.
-pub const LEAST_SHAPE: f64 = 0.35;
+pub(crate) const LEAST_SHAPE: f64 = 0.35;
 /// Nodes per square of the spacing in a dense packing, 2/√3.
 const DENSITY: f64 = 1.1547;
 
@@ -160,7 +160,7 @@ impl Plane<'_> {
         // one layer of cubes
         let cell = (self.radius * self.height / (2.0 * points.len().max(512) as f64)).sqrt();
         let mut grid = Grid::new([0.0, 0.0, 0.0], [self.radius, cell, self.height], points.len().max(512));
-        points.iter().for_each(|&p| grid.push(p));
+        grid.refill(points);
         grid
     }
 
@@ -280,8 +280,7 @@ impl Plane<'_> {
 
     /// Nodes between the ends of a straight edge, one spacing apart.
     fn line(&self, a: Point, b: Point, points: &mut Vec<Point>) {
-        // an end keeps its own digits, so that a node is on the edge exactly or not at all
-        let curve = |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) });
+        let curve = |t: f64| between(a, b, t);
         points.extend(equidistribute(self.domain, self.spacing, &curve, false, 1).into_iter().map(curve));
     }
 
@@ -314,7 +313,7 @@ impl Plane<'_> {
                 let h = self.h(candidate);
                 if self.room(candidate) < CLEARANCE * h
                     || self.reserved(candidate)
-                    || self.crowded(&nodes.points, &spacings, &grid, candidate, h)
+                    || grid.crowded(&nodes.points, &spacings, candidate, h, [GAP, self.spacing.growth])
                 {
                     continue;
                 }
@@ -334,13 +333,5 @@ impl Plane<'_> {
         let h = self.h(p);
         let once = 0.5 * (h + self.h(add(p, scale(way, h))));
         0.5 * (h + self.h(add(p, scale(way, once))))
-    }
-
-    fn crowded(&self, points: &[Point], spacings: &[f64], grid: &Grid, candidate: Point, h: f64) -> bool {
-        let reach = GAP * h / (1.0 - 0.5 * GAP * self.spacing.growth);
-        grid.any(points, candidate, reach, |j, squared| {
-            let least = 0.5 * GAP * (h + spacings[j as usize]);
-            squared < least * least
-        })
     }
 }

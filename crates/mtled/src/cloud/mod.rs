@@ -35,17 +35,16 @@ mod packing;
 mod path;
 pub mod quality;
 mod reconnect;
-pub mod reflect;
+mod reflect;
 pub mod revolve;
 mod shift;
 mod skin;
 mod smooth;
-pub mod solid;
+mod solid;
 mod spacing;
 mod structured;
 mod tree;
 mod triangulate;
-mod vector;
 
 pub use domain::{BASE, Domain, MIRROR, SIDE, TOP};
 pub use error::CloudError;
@@ -61,15 +60,15 @@ pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 pub use structured::structured;
 
+use crate::vector::{self, Point};
 use interfaces::INTERFACE;
 use packing::Packing;
-use vector::Point;
 
 /// Lowest volume-length ratio of a generated cell (1: regular tetrahedron, 0: flat). The presets reach 0.43.
 pub const LEAST_QUALITY: f64 = 0.25;
 /// The same of a cloud that conforms to regions: a few cells between nodes that can't move, as at the edges of a box, stay flat.
 /// They have next to no volume, and a meshless fit takes no notice of a cell's shape.
-pub const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
+pub(crate) const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
 /// Sweeps of smoothing over the first triangulation.
 const SWEEPS: usize = 2;
 /// Distance that moved nodes keep from interfaces, as a fraction of the spacing.

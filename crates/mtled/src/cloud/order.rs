@@ -1,6 +1,6 @@
 //! Order along a Hilbert curve, so that neighbours in space are neighbours in memory.
 
-use super::vector::Point;
+use super::vector::{Point, bounds};
 
 /// Bits per axis of the curve.
 const BITS: u32 = 20;
@@ -43,14 +43,7 @@ fn hilbert_key(mut x: [u32; 3]) -> u64 {
 
 /// The order in which to number `points`: `order[new] = old`. Ties keep their order.
 pub fn hilbert_order(points: &[Point]) -> Vec<u32> {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    for p in points {
-        for k in 0..3 {
-            low[k] = low[k].min(p[k]);
-            high[k] = high[k].max(p[k]);
-        }
-    }
+    let [low, high] = bounds(points);
     let size = (0..3).map(|k| high[k] - low[k]).fold(f64::MIN_POSITIVE, f64::max);
     let cells = f64::from((1u32 << BITS) - 1);
     let mut keys: Vec<(u64, u32)> = points

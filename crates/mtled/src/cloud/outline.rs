@@ -6,7 +6,7 @@ use super::error::CloudError;
 use super::path::Axis;
 use super::quality::six_volumes;
 use super::tree::Tree;
-use super::vector::{Point, add, cross, dot, norm, scale, sub};
+use super::vector::{Point, add, bounds, cross, dot, norm, scale, sub};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 
@@ -138,8 +138,7 @@ impl Outline {
     }
 
     /// Group at a point; `None` outside.
-    #[must_use]
-    pub fn group_at(&self, p: Point) -> Option<u32> {
+    pub(crate) fn group_at(&self, p: Point) -> Option<u32> {
         self.cell_at(p).map(|cell| self.group[cell as usize])
     }
 
@@ -332,11 +331,6 @@ fn columns(walls: &[Wall], [low, high]: [Point; 2]) -> Tree {
 fn squared(p: Point, q: Point) -> f64 {
     let d = sub(p, q);
     dot(d, d)
-}
-
-fn bounds(points: &[Point]) -> [Point; 2] {
-    let all = |k: usize, pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
-    [[0, 1, 2].map(|k| all(k, f64::min, f64::INFINITY)), [0, 1, 2].map(|k| all(k, f64::max, f64::NEG_INFINITY))]
 }
 
 /// A tree of the walls of each face.

@@ -6,7 +6,7 @@ use super::bricks::Bricks;
 use super::domain::Domain;
 use super::edges::Nodes;
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, add, hash01, scale, sub};
+use super::vector::{Point, add, hash01, norm, scale, sub};
 use crate::grid::Grid;
 use std::f64::consts::PI;
 
@@ -50,23 +50,6 @@ impl Packing<'_> {
         0.5 * (h + self.h(add(p, scale(way, once))))
     }
 
-    /// Is any node nearer to the candidate than `gap` times the mean of their spacings?
-    pub(crate) fn crowded(
-        &self,
-        nodes: &Nodes,
-        spacings: &[f64],
-        grid: &Grid,
-        candidate: Point,
-        h: f64,
-        gap: f64,
-    ) -> bool {
-        let reach = gap * h / (1.0 - 0.5 * gap * self.spacing.growth);
-        grid.any(&nodes.points, candidate, reach, |j, squared| {
-            let least = 0.5 * gap * (h + spacings[j as usize]);
-            squared < least * least
-        })
-    }
-
     /// Is the place kept free for the layers of a needle path, or for bricks?
     pub(crate) fn reserved(&self, p: Point) -> bool {
         let height = self.domain.height();
@@ -84,9 +67,7 @@ impl Packing<'_> {
     fn grid(&self, nodes: &Nodes, expected: f64) -> Grid {
         let (low, high) = self.domain.bounds();
         let mut grid = Grid::new(low, high, (expected as usize).max(nodes.points.len()));
-        for &p in &nodes.points {
-            grid.push(p);
-        }
+        grid.refill(&nodes.points);
         grid
     }
 
@@ -133,7 +114,7 @@ impl Packing<'_> {
                     .min(self.spacing.interface_distance(self.domain.height(), candidate))
                     < CLEARANCE * gap
                     || self.reserved(candidate)
-                    || self.crowded(nodes, spacings, grid, candidate, gap, FACE_GAP)
+                    || grid.crowded(&nodes.points, spacings, candidate, gap, [FACE_GAP, self.spacing.growth])
                 {
                     continue;
                 }
@@ -166,7 +147,7 @@ impl Packing<'_> {
                     .min(self.spacing.interface_distance(self.domain.height(), candidate))
                     < CLEARANCE * gap
                     || self.reserved(candidate)
-                    || self.crowded(nodes, spacings, grid, candidate, gap, BODY_GAP)
+                    || grid.crowded(&nodes.points, spacings, candidate, gap, [BODY_GAP, self.spacing.growth])
                 {
                     continue;
                 }
@@ -177,8 +158,7 @@ impl Packing<'_> {
         }
     }
 
-    /// Short-range forces 1.125 - 2.375 w² + 1.25 w³ up to w = 1.5, w = distance over spacing (bubble packing, Shimada and
-    /// Gossard 1995), on the chosen nodes.
+    /// Short-range forces on the chosen nodes.
     fn relax(&self, nodes: &mut Nodes, grid: &mut Grid, iterations: usize, chosen: impl Fn(u8) -> bool) {
         let movable: Vec<u32> = (0..nodes.points.len() as u32)
             .filter(|&i| !nodes.fixed[i as usize] && chosen(nodes.faces[i as usize]))
@@ -213,10 +193,7 @@ impl Packing<'_> {
                 nodes.points[i as usize] = moved[k];
             }
             if iteration % REFRESH == REFRESH - 1 {
-                grid.clear();
-                for &p in &nodes.points {
-                    grid.push(p);
-                }
+                grid.refill(&nodes.points);
             }
         }
     }
@@ -224,18 +201,7 @@ impl Packing<'_> {
     fn relaxed(&self, nodes: &Nodes, spacings: &[f64], i: u32, near: &[u32]) -> Point {
         let (p, face) = (nodes.points[i as usize], nodes.faces[i as usize]);
         let h = spacings[i as usize];
-        let mut force = [0.0; 3];
-        for &j in near {
-            let d = sub(p, nodes.points[j as usize]);
-            let length = super::vector::norm(d);
-            let w = 2.0 * length / (h + spacings[j as usize]);
-            if w < 1.5 {
-                let f = 1.125 + w * w * (1.25 * w - 2.375);
-                force = add(force, scale(d, f / length));
-            }
-        }
-        let step = super::vector::norm(force).max(1.0);
-        let mut q = add(p, scale(force, 0.2 * h / step));
+        let mut q = pushed(p, h, near.iter().map(|&j| (nodes.points[j as usize], spacings[j as usize])));
         let room = if face == 0 {
             self.domain.depth_to(q, h)
         } else {
@@ -245,6 +211,22 @@ impl Packing<'_> {
         let room = room.min(self.spacing.interface_distance(self.domain.height(), q));
         if room < CLEARANCE * h || self.reserved(q) { p } else { q }
     }
+}
+
+/// Where short-range forces 1.125 - 2.375 w² + 1.25 w³ up to w = 1.5, w = distance over spacing (bubble packing, Shimada and
+/// Gossard 1995), take a node at p with the spacing h, from others with theirs.
+pub(crate) fn pushed(p: Point, h: f64, others: impl Iterator<Item = (Point, f64)>) -> Point {
+    let mut force = [0.0; 3];
+    for (q, spacing) in others {
+        let d = sub(p, q);
+        let length = norm(d);
+        let w = 2.0 * length / (h + spacing);
+        if length > 0.0 && w < 1.5 {
+            let f = 1.125 + w * w * (1.25 * w - 2.375);
+            force = add(force, scale(d, f / length));
+        }
+    }
+    add(p, scale(force, 0.2 * h / norm(force).max(1.0)))
 }
 
 /// Unit vectors to the twelve corners of an icosahedron: the neighbours in a dense packing.

@@ -25,7 +25,7 @@ pub(crate) fn place_creases(outline: &Outline, spacing: &Spacing, nodes: &mut No
     let packing = Packing::new(domain, spacing);
     let (low, high) = outline.bounds();
     let mut grid = Grid::new(low, high, 4096);
-    nodes.points.iter().for_each(|&p| grid.push(p));
+    grid.refill(&nodes.points);
     let mut push = |p: Point, faces: u8| {
         let near = APART * spacing.at(domain, p);
         if !packing.reserved(p) && !grid.any(&nodes.points, p, near, |_, _| true) {
@@ -116,8 +116,7 @@ impl Packing<'_> {
             }
             if face == BETWEEN {
                 self.keep_volume(outline, nodes, first);
-                grid.clear();
-                nodes.points.iter().for_each(|&p| grid.push(p));
+                grid.refill(&nodes.points);
             }
         }
     }
@@ -184,7 +183,7 @@ impl Packing<'_> {
     ) -> bool {
         let h = self.h(p);
         !self.reserved(p)
-            && !self.crowded(nodes, spacings, grid, p, h, GAP)
+            && !grid.crowded(&nodes.points, spacings, p, h, [GAP, self.spacing.growth])
             && (face != BETWEEN || outline.depth(p) > CLEARANCE * h)
     }
 

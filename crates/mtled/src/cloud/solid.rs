@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, distance, length2};
+use super::vector::{Point, between, distance, length2};
 
 /// How far solids may reach into each other and still do no more than touch, m: rounding.
 const TOUCH: f64 = 1e-12;
@@ -63,7 +63,6 @@ impl Solid {
     }
 
     /// The solid with what ends at the top or the base of a body of this height going on beyond: no boundary is there.
-    #[must_use]
     pub(crate) fn open(&self, height: f64) -> Self {
         let near = 1e-7 * height;
         let beyond = |low: f64, high: f64| {
@@ -180,8 +179,7 @@ pub(crate) enum Curve {
 impl Curve {
     pub(crate) fn at(&self, t: f64) -> Point {
         match *self {
-            // an end keeps its own digits
-            Self::Line(a, b) => [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) }),
+            Self::Line(a, b) => between(a, b, t),
             Self::Arc { z, radius } => {
                 let (sin, cos) = (std::f64::consts::PI * (t - 0.5)).sin_cos();
                 let r = if t <= 0.0 || t >= 1.0 { 0.0 } else { radius * cos };

@@ -20,7 +20,7 @@ use crate::number::Number;
 
 /// Energy density of a law and its derivatives with respect to a and b, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Slopes<N = f64> {
+pub(crate) struct Slopes<N = f64> {
     /// w.
     pub w: N,
     /// dw/da.
@@ -36,7 +36,7 @@ pub struct Slopes<N = f64> {
 }
 
 /// A law w(a, b).
-pub trait OfInvariants<N: Number>: Copy {
+pub(crate) trait OfInvariants<N: Number>: Copy {
     /// Whether w depends on b.
     const SECOND: bool;
     /// w with its derivatives.
@@ -53,7 +53,6 @@ fn invariants<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, cof: &Gradie
 }
 
 /// Distortional energy density and first Piola-Kirchhoff stress without pressure, Pa.
-#[must_use]
 #[inline(always)]
 pub(crate) fn evaluate<N: Number, L: OfInvariants<N>, const AXISYMMETRIC: bool>(
     law: &L,
@@ -141,7 +140,6 @@ pub(super) fn full_dot<N: Number>(f: &Gradient<N>, a: usize, b: usize) -> N {
 /// ```
 ///
 /// from |dF : N (x) a| <= l for F and the linearity of cof F along a (x) N. Negative curvature is left out.
-#[must_use]
 #[inline(always)]
 pub(crate) fn stiffness<N: Number, L: OfInvariants<N>>(
     law: &L,

@@ -3,17 +3,17 @@
 //! A material is a distortional law ([`neo_hookean`], [`ogden`], [`mooney_rivlin`], [`yeoh`], [`veronda_westmann`]), a
 //! [`volumetric`] energy and, if it relaxes, a [`prony`] series; [`Law`] puts them together. Everything is a function of the deformation gradient, row-major.
 
-pub mod invariants;
+pub(crate) mod invariants;
 mod law;
-pub mod mooney_rivlin;
+pub(crate) mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod ogden;
 pub mod prony;
 pub(crate) mod shape;
 pub(crate) mod stretches;
-pub mod veronda_westmann;
-pub mod volumetric;
-pub mod yeoh;
+pub(crate) mod veronda_westmann;
+pub(crate) mod volumetric;
+pub(crate) mod yeoh;
 
 pub use law::{Distortional, Law};
 pub use mooney_rivlin::MooneyRivlin;

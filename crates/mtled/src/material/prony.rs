@@ -37,7 +37,7 @@ pub struct Prony {
 
 /// e_i and g_i r_i of a time increment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Increment {
+pub(crate) struct Increment {
     /// e_i.
     pub decay: [f64; MOST_TERMS],
     /// g_i r_i.
@@ -91,8 +91,7 @@ impl Prony {
     }
 
     /// The factors of a time increment of `dt` seconds, 0 or more.
-    #[must_use]
-    pub fn increment(&self, dt: f64) -> Increment {
+    pub(crate) fn increment(&self, dt: f64) -> Increment {
         let mut out = Increment { decay: [1.0; MOST_TERMS], ramp: [0.0; MOST_TERMS], elastic: self.long_term_share() };
         for i in 0..self.count {
             let x = dt / self.times[i];
@@ -112,7 +111,6 @@ pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f
 }
 
 /// The same of numbers of any kind.
-#[must_use]
 #[inline(always)]
 pub(crate) fn held_in<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N, h: &[N; 6]) -> Distortion<N> {
     let (j, lack) = clamped(j);
@@ -151,7 +149,6 @@ pub(crate) fn held_in<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N
 }
 
 /// J^-2/3 C; below J_m with phi(J) for J^-2/3.
-#[must_use]
 #[inline(always)]
 pub(crate) fn unimodular<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, j: N) -> [N; 6] {
     let (j, lack) = clamped(j);
@@ -188,7 +185,6 @@ fn column<N: Number, const AXISYMMETRIC: bool>(a: &Gradient<N>, b: &Gradient<N>,
 }
 
 /// Pi = J^2/3 F^-1 P of a stress without pressure, Pa.
-#[must_use]
 #[inline(always)]
 pub(crate) fn reference_stress<N: Number, const AXISYMMETRIC: bool>(
     cof: &Gradient<N>,

@@ -15,7 +15,7 @@ pub(crate) struct Distortion<N> {
 
 impl Distortion<f64> {
     /// Both parts of the stress.
-    pub fn summed(self, cof: &Gradient<f64>) -> (f64, Gradient<f64>) {
+    pub(crate) fn summed(self, cof: &Gradient<f64>) -> (f64, Gradient<f64>) {
         (self.energy, std::array::from_fn(|n| self.stress[n] + self.across * cof[n]))
     }
 }
@@ -115,7 +115,7 @@ pub(crate) fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T
 impl<N: Number> Wave<'_, N> {
     /// That of the neo-Hookean law, and of one that is as stiff.
     #[inline(always)]
-    pub fn of_modulus(&self, mu: N) -> N {
+    pub(crate) fn of_modulus(&self, mu: N) -> N {
         let root = self.j.inverse_cube_root();
         plane_wave(self.f, self.c2, self.j, root * root * excess(self.lack), mu, self.bulk)
     }

@@ -49,7 +49,7 @@ pub(crate) struct Stretches<N> {
 
 impl<N: Number> Stretches<N> {
     /// Of a law.
-    pub fn of(law: &Ogden) -> Self {
+    pub(crate) fn of(law: &Ogden) -> Self {
         let mut terms = [Term::default(); MOST_TERMS];
         for (to, t) in terms.iter_mut().zip(law.terms()) {
             let factor = 2.0 * t.shear_modulus / t.exponent;

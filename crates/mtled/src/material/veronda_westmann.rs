@@ -12,7 +12,7 @@ use super::invariants::{OfInvariants, Slopes};
 use crate::number::Number;
 
 /// Largest exponent that is taken.
-pub const LARGEST: f64 = 40.0;
+pub(crate) const LARGEST: f64 = 40.0;
 
 /// Constants of the law.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -53,9 +53,8 @@ impl Volumetric {
     }
 
     /// u'', relative to kappa.
-    #[must_use]
     #[inline(always)]
-    pub fn curvature<N: Number>(self, dilation: N) -> N {
+    pub(crate) fn curvature<N: Number>(self, dilation: N) -> N {
         match self {
             Self::Quadratic => N::of(1.0),
             Self::Logarithmic => log_curvature(dilation.max(N::of(LEAST))),

@@ -34,7 +34,7 @@ impl<T: Real> Lanes<T> {
 
     /// In double precision.
     #[inline(always)]
-    pub fn wide(self) -> Lanes<f64> {
+    pub(crate) fn wide(self) -> Lanes<f64> {
         let mut out = Lanes::default();
         for i in 0..LANES {
             out.0[i] = self.0[i].get();
@@ -44,7 +44,7 @@ impl<T: Real> Lanes<T> {
 
     /// Rounded from double precision.
     #[inline(always)]
-    pub fn narrow(wide: Lanes<f64>) -> Self {
+    pub(crate) fn narrow(wide: Lanes<f64>) -> Self {
         let mut out = Self::default();
         for i in 0..LANES {
             out.0[i] = T::of(wide.0[i]);
@@ -54,7 +54,7 @@ impl<T: Real> Lanes<T> {
 
     /// Several numbers for each lane out of a table that has them side by side.
     #[inline(always)]
-    pub fn look_up<const N: usize>(table: &[[T; N]], at: &[u16; LANES]) -> [Self; N] {
+    pub(crate) fn look_up<const N: usize>(table: &[[T; N]], at: &[u16; LANES]) -> [Self; N] {
         let mut out = [Self::default(); N];
         for i in 0..LANES {
             let found = table[usize::from(at[i])];
@@ -83,7 +83,7 @@ impl<T: Real> Lanes<T> {
 
     /// The lanes whose bit is set, zero in the others.
     #[inline(always)]
-    pub fn where_bit(self, bits: u8) -> Self {
+    pub(crate) fn where_bit(self, bits: u8) -> Self {
         let mut out = Self::default();
         for i in 0..LANES {
             out.0[i] = if bits & (1 << i) == 0 { T::default() } else { self.0[i] };
@@ -99,7 +99,7 @@ impl<T: Real> Lanes<T> {
 
     /// Sum of eight, in the order of [`Lanes::sum`].
     #[inline(always)]
-    pub fn sum_of(a: &[Self; LANES]) -> Self {
+    pub(crate) fn sum_of(a: &[Self; LANES]) -> Self {
         ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]))
     }
 
@@ -172,36 +172,23 @@ impl<T: Real> Number for Lanes<T> {
     }
 }
 
-impl<T: Real> Add for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
+macro_rules! operators {
+    ($($operator:ident::$method:ident: $of:tt,)+) => {$(
+        impl<T: Real> $operator for Lanes<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                self.zip(other, |a, b| a $of b)
+            }
+        }
+    )+};
 }
 
-impl<T: Real> Sub for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-}
-
-impl<T: Real> Mul for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
-    }
-}
-
-impl<T: Real> Div for Lanes<T> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
-    }
+operators! {
+    Add::add: +,
+    Sub::sub: -,
+    Mul::mul: *,
+    Div::div: /,
 }
 
 impl<T: Real> Neg for Lanes<T> {

@@ -4,10 +4,10 @@ mod elementary;
 #[allow(unsafe_code)] // vector instructions
 pub mod lanes;
 #[allow(unsafe_code)] // the same
-pub mod real;
+mod real;
 
 #[allow(unsafe_code)] // the same
-pub mod vector;
+pub(crate) mod vector;
 
 pub use lanes::{LANES, Lanes};
 pub use real::{Number, Real};

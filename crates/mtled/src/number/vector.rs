@@ -53,7 +53,7 @@ impl<T: Real> Vector<T> for Lanes<T> {
 
 /// Vectors of several components each.
 #[inline(always)]
-pub fn load_all<T: Real, V: Vector<T>, const N: usize>(from: &[Lanes<T>; N]) -> [V; N] {
+pub(crate) fn load_all<T: Real, V: Vector<T>, const N: usize>(from: &[Lanes<T>; N]) -> [V; N] {
     let mut out = [V::default(); N];
     for i in 0..N {
         out[i] = V::load(&from[i]);
@@ -69,7 +69,7 @@ pub trait Pass<T: Real> {
 
 /// Runs a pass with the widest vectors of eight that the processor has.
 #[inline]
-pub fn run_pass<T: Real>(pass: impl Pass<T>) {
+pub(crate) fn run_pass<T: Real>(pass: impl Pass<T>) {
     T::run_pass(pass);
 }
 
@@ -86,7 +86,7 @@ mod avx2 {
 
     /// Runs a pass in single precision.
     #[target_feature(enable = "avx2,fma")]
-    pub fn run_avx2(pass: impl Pass<f32>) {
+    pub(crate) fn run_avx2(pass: impl Pass<f32>) {
         pass.go::<Eight>();
     }
 

@@ -8,9 +8,9 @@
 //! Analysis, 1983). A rod that slips holds the tissue by forces and not by places. That frees modes which are slower than the body's own,
 //! and with damping that is critical for the body's they creep.
 
-use super::inertia::dot;
-use super::model::Workspace;
+use super::explicit::Solver;
 use super::state::State;
+use crate::vector::dot;
 
 /// Lowest frequency that is taken for that of a mode, over that of the body.
 const LEAST: f64 = 0.1;
@@ -35,36 +35,37 @@ pub(super) struct Sample {
 
 impl Sample {
     /// Of a body of so many nodes.
-    pub fn new(nodes: usize) -> Self {
+    pub(super) fn new(nodes: usize) -> Self {
         Self { u: vec![[0.0; 3]; nodes], f: vec![[0.0; 3]; nodes] }
     }
 }
 
 impl AdaptiveDamping {
     /// The instrument moves, or the state is another.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         *self = Self::default();
     }
 
     /// Frequency for which damping is critical, over that of the body.
-    pub fn share(&self) -> f64 {
+    pub(super) fn share(&self) -> f64 {
         self.share.unwrap_or(1.0)
     }
 }
 
-impl State {
+impl Solver {
     /// Adapts the damping to the frequency of tissue that comes to rest, between two advances at the same pose.
-    pub fn adapt_damping(&mut self, work: &mut Workspace) {
+    pub fn adapt_damping(&mut self) {
         let slowest = self.slowest();
-        let (moving, damping, mass) = (&self.moving, &mut self.control.damping, &self.control.mass);
-        let Sample { u, f } = &mut work.sample;
+        let State { moving, control, .. } = &mut self.state;
+        let (damping, mass) = (&mut control.damping, &control.mass);
+        let Sample { u, f } = &mut self.work.sample;
         if damping.sampled {
             let (mut stiffness, mut inertia) = (0.0, 0.0);
             for n in 0..mass.len() {
                 let moved = std::array::from_fn(|k| moving.u[n][k] - u[n][k]);
                 let changed = std::array::from_fn(|k| moving.f[n][k] - f[n][k]);
-                stiffness += dot(&moved, &changed);
-                inertia += mass[n] * moving.mass_factor * dot(&moved, &moved);
+                stiffness += dot(moved, changed);
+                inertia += mass[n] * moving.mass_factor * dot(moved, moved);
             }
             let share = (stiffness / inertia).max(0.0).sqrt() / slowest;
             if share.is_finite() {

@@ -10,11 +10,12 @@ use super::drag::Drag;
 use super::inertia::Sums;
 use super::nodes::{Held, Rule};
 use super::state::{Moving, Path};
+use crate::vector::dot;
 
 /// a . v
 #[inline]
 pub(super) fn along(v: &[f64; 3], axis: &[f64; 3]) -> f64 {
-    v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2]
+    dot(*v, *axis)
 }
 
 /// v less its part along the axis.
@@ -143,7 +144,7 @@ pub(super) fn guided_sums(sums: &mut Sums, (u, q, tangent, f): Stood<'_>, place:
 
 impl Drag {
     /// What the dragged nodes contribute to the balance along the axis.
-    pub fn sums(&self, state: &Moving, points: &[[f64; 3]], mass: &[f64], mass_factor: f64) -> Sums {
+    pub(super) fn sums(&self, state: &Moving, points: &[[f64; 3]], mass: &[f64], mass_factor: f64) -> Sums {
         let mut sums = Sums::default();
         if self.nodes.is_empty() {
             // no rod: not even the sign of a zero is another

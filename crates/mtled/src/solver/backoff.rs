@@ -18,7 +18,7 @@ const LONGEST: u32 = 256;
 
 /// Until when the team does without one helper.
 #[derive(Debug)]
-pub struct Backoff {
+pub(super) struct Backoff {
     /// Since when it helps.
     since: Instant,
     until: Option<Instant>,
@@ -34,7 +34,7 @@ impl Default for Backoff {
 
 impl Backoff {
     /// Learns that a phase of so many threads has just waited for this helper. Whether it is left out from now on.
-    pub fn after(&mut self, lost: Duration, threads: usize) -> bool {
+    pub(super) fn after(&mut self, lost: Duration, threads: usize) -> bool {
         self.judge(lost, Instant::now(), threads)
     }
 
@@ -59,7 +59,7 @@ impl Backoff {
 }
 
 /// Ranks, less 1, of the helpers that come back now.
-pub fn come_back(helpers: &mut [Backoff]) -> impl Iterator<Item = usize> {
+pub(super) fn come_back(helpers: &mut [Backoff]) -> impl Iterator<Item = usize> {
     let now = Instant::now();
     helpers.iter_mut().enumerate().filter_map(move |(i, helper)| helper.comes_back(now).then_some(i))
 }

@@ -30,7 +30,7 @@ const NO_POINT: u32 = u32::MAX;
 /// A run of groups of integration points with their local shape table. A visit is a group's use of a node; a slot is a lane
 /// of a group.
 #[derive(Debug)]
-pub struct Block<T: Real> {
+pub(super) struct Block<T: Real> {
     /// Global index of each local node, ascending; then the nodes whose images beyond the axis the block uses.
     pub nodes: Vec<u32>,
     /// Number of local nodes that are no images.
@@ -63,7 +63,7 @@ pub struct Block<T: Real> {
 
 /// A block's scratch memory, and what its last evaluation left there.
 #[derive(Debug)]
-pub struct BlockScratch<T> {
+pub(super) struct BlockScratch<T> {
     /// Displacement of the local nodes relative to the block's first node, m.
     pub u: Vec<[T; 3]>,
     /// Deformation gradient of each point.
@@ -80,7 +80,7 @@ pub struct BlockScratch<T> {
 
 impl<T: Real> BlockScratch<T> {
     /// Memory for one block.
-    pub fn new(block: &Block<T>, mixed: bool) -> Self {
+    pub(super) fn new(block: &Block<T>, mixed: bool) -> Self {
         Self {
             u: vec![[T::default(); 3]; block.nodes.len()],
             deformation: vec![Default::default(); block.volume.len()],
@@ -92,28 +92,18 @@ impl<T: Real> BlockScratch<T> {
     }
 
     /// Deformation gradient in one slot.
-    pub fn deformation_in(&self, slot: usize) -> Gradient<f64> {
+    pub(super) fn deformation_in(&self, slot: usize) -> Gradient<f64> {
         self.deformation[slot / LANES].map(|f| f.0[slot % LANES].get())
     }
 }
 
 /// A thread's own memory while it works on a block: internal force on each local node by the lane of the points that
 /// exert it, N; zero between blocks. It stays in the thread's first cache, where the blocks' own would not.
-pub type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
-
-/// Where each global index's shares lie among those of all blocks (or strips, or cells), one after another.
-#[derive(Clone, Debug, Default)]
-pub struct Shares {
-    /// Offsets, one more than indices.
-    pub start: Vec<u32>,
-    /// Positions, ascending for each index.
-    pub at: Vec<u32>,
-}
+pub(super) type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
 
 impl<T: Real> Block<T> {
     /// Groups the points of a shape table and cuts the groups into blocks, each in one region. `places` of the vertices.
-    #[must_use]
-    pub fn partition(table: &ShapeTable, vertices: &Vertices, places: &[[f64; 3]], nodes: usize) -> Vec<Self> {
+    pub(super) fn partition(table: &ShapeTable, vertices: &Vertices, places: &[[f64; 3]], nodes: usize) -> Vec<Self> {
         let mut groups = table.groups(&vertices.cells, places);
         let region = |group: &[u32]| table.region_of(group[0] as usize);
         groups.sort_by_key(|group| region(group));
@@ -167,7 +157,7 @@ impl<T: Real> Block<T> {
                 for (k, n) in corners(p).into_iter().enumerate() {
                     block.corners[g][k][lane] = position(&vertices, n);
                 }
-                let entries = table.start[p as usize] as usize..table.start[p as usize + 1] as usize;
+                let entries = table.entries(p as usize);
                 let (scale, packed) = packed::<T>(&table.gradient[entries.clone()]);
                 block.scale[g].0[lane] = T::of(scale);
                 let mut squares = 0.0;
@@ -187,14 +177,13 @@ impl<T: Real> Block<T> {
     }
 
     /// Slots that hold a point, with the point's index in the shape table.
-    pub fn occupied(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(super) fn occupied(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let held = self.point.iter().enumerate().filter(|&(_, &point)| point != NO_POINT);
         held.map(|(slot, &point)| (slot, point as usize))
     }
 
     /// Volume of the point in one slot, m^3.
-    #[must_use]
-    pub fn volume_in(&self, slot: usize) -> f64 {
+    pub(super) fn volume_in(&self, slot: usize) -> f64 {
         self.volume[slot / LANES].0[slot % LANES].get()
     }
 }
@@ -228,11 +217,12 @@ fn packed<T: Real>(gradient: &[[f64; 3]]) -> (f64, Vec<[T::Stored; 3]>) {
 
 /// Support nodes of a group's points, ascending.
 fn visited(table: &ShapeTable, group: &[u32]) -> Vec<u32> {
-    let support = |&p: &u32| &table.nodes[table.start[p as usize] as usize..table.start[p as usize + 1] as usize];
+    let support = |&p: &u32| &table.nodes[table.entries(p as usize)];
     ascending(group.iter().flat_map(support).copied())
 }
 
-fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
+/// Each index once, in ascending order.
+pub(super) fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
     let mut v: Vec<u32> = indices.collect();
     v.sort_unstable();
     v.dedup();
@@ -241,33 +231,6 @@ fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
 
 fn position(sorted: &[u32], n: u32) -> u16 {
     sorted.partition_point(|&m| m < n) as u16
-}
-
-impl Shares {
-    /// Collects the shares of every index in `0..count` from the blocks' index lists.
-    #[must_use]
-    pub fn of<'a>(lists: impl Iterator<Item = &'a [u32]> + Clone, count: usize) -> Self {
-        let mut start = vec![0u32; count + 1];
-        for &n in lists.clone().flatten() {
-            start[n as usize + 1] += 1;
-        }
-        for n in 0..count {
-            start[n + 1] += start[n];
-        }
-        let mut at = vec![0; start[count] as usize];
-        let mut next = start.clone();
-        for (position, &n) in lists.flatten().enumerate() {
-            at[next[n as usize] as usize] = position as u32;
-            next[n as usize] += 1;
-        }
-        Self { start, at }
-    }
-
-    /// Shares of one index.
-    #[must_use]
-    pub fn of_index(&self, n: usize) -> &[u32] {
-        &self.at[self.start[n] as usize..self.start[n + 1] as usize]
-    }
 }
 
 #[cfg(test)]

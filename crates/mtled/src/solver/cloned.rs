@@ -38,4 +38,4 @@ macro_rules! cloned_field_by_field {
         }
     };
 }
-pub use cloned_field_by_field;
+pub(super) use cloned_field_by_field;

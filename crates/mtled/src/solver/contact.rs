@@ -20,6 +20,7 @@
 //! velocity relative to that. What slides is free in the surface's plane.
 
 use super::surface::Shape;
+use crate::vector::dot;
 
 /// A rigid surface and its law of contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +35,7 @@ pub struct Surface {
 
 /// Whose surface holds a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum By {
+pub(super) enum By {
     /// Nobody's: the node is free.
     #[default]
     Nobody,
@@ -46,7 +47,7 @@ pub enum By {
 
 /// What a surface does to a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Touch {
+pub(super) struct Touch {
     /// Who touches it.
     pub by: By,
     /// Unit normal, out of the surface.
@@ -59,27 +60,27 @@ pub struct Touch {
 
 impl Touch {
     /// Force of the surface on a node whose internal force is `f`, N: what it holds of that, and friction.
-    pub fn force(&self, f: &[f64; 3]) -> [f64; 3] {
+    pub(super) fn force(&self, f: &[f64; 3]) -> [f64; 3] {
         if self.sticks {
             return *f;
         }
-        let along = dot(f, &self.normal);
+        let along = dot(*f, self.normal);
         std::array::from_fn(|k| along * self.normal[k] + self.friction[k])
     }
 
     /// The part of a vector in which the node is free.
-    pub fn free(&self, v: &[f64; 3]) -> [f64; 3] {
+    pub(super) fn free(&self, v: &[f64; 3]) -> [f64; 3] {
         if self.sticks {
             return [0.0; 3];
         }
-        let along = dot(v, &self.normal);
+        let along = dot(*v, self.normal);
         std::array::from_fn(|k| v[k] - along * self.normal[k])
     }
 }
 
 /// A surface and its motion in one step.
 #[derive(Clone, Copy, Debug)]
-pub struct Moved<'a> {
+pub(super) struct Moved<'a> {
     pub surface: &'a Surface,
     /// Where it stands before and after the step, as offset from its origin, m.
     pub from: [f64; 3],
@@ -88,26 +89,22 @@ pub struct Moved<'a> {
 
 impl Moved<'_> {
     /// What brings a node that goes from `x` to `trial` (places in m) out of the surface, and how it is held.
-    pub fn meet(&self, x: &[f64; 3], trial: &[f64; 3]) -> Option<([f64; 3], Touch)> {
+    pub(super) fn meet(&self, x: &[f64; 3], trial: &[f64; 3]) -> Option<([f64; 3], Touch)> {
         let Surface { shape, origin, friction } = self.surface;
         let from = std::array::from_fn(|k| x[k] - origin[k] - self.from[k]);
         let to = std::array::from_fn(|k| trial[k] - origin[k] - self.to[k]);
         let inside = shape.inside(&from, &to)?;
         let normal = inside.normal;
         let mut way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
-        let along = dot(&way, &normal);
+        let along = dot(way, normal);
         (0..3).for_each(|k| way[k] -= along * normal[k]);
-        let (size, limit) = (dot(&way, &way).sqrt(), friction * inside.depth);
+        let (size, limit) = (dot(way, way).sqrt(), friction * inside.depth);
         let sticks = *friction > 0.0 && size <= limit;
         let share = if sticks { 1.0 } else { limit.min(size) / size.max(f64::MIN_POSITIVE) };
         let friction = way.map(|w| -share * w);
         let move_out = std::array::from_fn(|k| inside.depth * normal[k] + friction[k]);
         Some((move_out, Touch { by: By::Nobody, normal, sticks, friction }))
     }
-}
-
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

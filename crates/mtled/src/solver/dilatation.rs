@@ -27,11 +27,13 @@ use crate::approximation::axisymmetric::in_half_plane;
 use crate::approximation::mirrored::MirroredSupports;
 use crate::approximation::mls::{Basis, Fit, Neighbour};
 use crate::approximation::support::{distance, radii};
+use crate::cloud::quality::six_volumes;
 use crate::grid::Grid;
 use crate::mirror::Mirror;
+use crate::vector::bounds;
 
 /// Distance between coarse nodes over the spacing of the cloud there.
-pub const COARSENING: f64 = 1.5;
+pub(super) const COARSENING: f64 = 1.5;
 /// Support radius of a coarse node over the distance to the next.
 const REACH: f64 = 2.0;
 /// Reach in spacings beyond which a linear fit is given up.
@@ -43,11 +45,11 @@ const WIDEST_OF_SEVERAL: f64 = 6.0;
 /// nodes in two planes, fits that reach beyond both make it next to nothing or negative, and the pressure there boundless.
 const AGREED: f64 = 0.25;
 /// kappa_s / mu, with the initial, instantaneous mu.
-pub const POINTWISE_BULK: f64 = 3.0;
+pub(super) const POINTWISE_BULK: f64 = 3.0;
 
 /// N_aP by node: coarse indices and values.
 #[derive(Clone, Debug, Default)]
-pub struct Dilatation {
+pub(super) struct Dilatation {
     /// Offsets, one more than nodes.
     pub start: Vec<u32>,
     /// Coarse index.
@@ -64,8 +66,7 @@ impl Dilatation {
     /// Chooses coarse nodes greedily (deterministic) and fits N_aP: those that several regions share first, so that what is
     /// chosen in a region depends neither on the others nor on their order, then in node order. `region` of each point: no fit reaches
     /// from one to another.
-    #[must_use]
-    pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], form: Form) -> Self {
+    pub(super) fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], form: Form) -> Self {
         let spacing = match form {
             Form::Full | Form::Mirrored(_) => radii(points, cells, 1.0),
             Form::Axisymmetric => {
@@ -131,8 +132,7 @@ impl Dilatation {
     }
 
     /// One pressure per node: the average nodal volume ratio of Bonet & Burton (1998).
-    #[must_use]
-    pub fn nodal(region: &[u8]) -> Self {
+    pub(super) fn nodal(region: &[u8]) -> Self {
         let nodes = region.len();
         Self {
             region: region.to_vec(),
@@ -144,8 +144,7 @@ impl Dilatation {
     }
 
     /// Entries of node a.
-    #[must_use]
-    pub fn of_node(&self, a: usize) -> (&[u32], &[f64]) {
+    pub(super) fn of_node(&self, a: usize) -> (&[u32], &[f64]) {
         let range = self.start[a] as usize..self.start[a + 1] as usize;
         (&self.coarse[range.clone()], &self.value[range])
     }
@@ -204,11 +203,7 @@ fn fit(supports: &Nodes, x: [f64; 3], mean: bool, wanted: impl Fn(u32) -> bool) 
 fn corner_volumes(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Vec<f64> {
     let mut volume = vec![0.0; points.len()];
     for cell in cells {
-        let p = cell.map(|n| points[n as usize]);
-        let [a, b, c] = [1, 2, 3].map(|i| -> [f64; 3] { std::array::from_fn(|k| p[i][k] - p[0][k]) });
-        let own = a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0]);
+        let own = six_volumes(&cell.map(|n| points[n as usize]));
         cell.iter().for_each(|&n| volume[n as usize] += own.abs());
     }
     volume
@@ -238,8 +233,7 @@ fn coarse_nodes(
     let mut sorted = spacing.to_vec();
     sorted.sort_by(f64::total_cmp);
     let size = COARSENING * sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-    let bound = |k: usize, pick: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0);
-    let (low, high) = ([0, 1, 2].map(|k| bound(k, f64::min)), [0, 1, 2].map(|k| bound(k, f64::max)));
+    let [low, high] = bounds(points);
     let widest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
     let mut grid = Grid::of_cells(low, high, size.max(widest / 200.0).max(f64::MIN_POSITIVE));
     let (mut coarse, mut at): (Vec<u32>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());

@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 ///
 /// # Safety
 /// Parts with different indices must not overlap, and it must be sound to use a part on any thread.
-pub unsafe trait Disjoint: Sync {
+pub(crate) unsafe trait Disjoint: Sync {
     /// One part.
     type Part;
 
@@ -53,11 +53,11 @@ impl<'a, T> Slice<'a, T> {
 }
 
 /// The elements of a slice, one to a part.
-pub struct Each<'a, T>(Slice<'a, T>);
+pub(super) struct Each<'a, T>(Slice<'a, T>);
 
 impl<'a, T> Each<'a, T> {
     /// Borrows the slice for one phase.
-    pub fn new(slice: &'a mut [T]) -> Self {
+    pub(super) fn new(slice: &'a mut [T]) -> Self {
         Self(Slice::new(slice))
     }
 }
@@ -77,14 +77,14 @@ unsafe impl<'a, T: Send> Disjoint for Each<'a, T> {
 }
 
 /// Runs of `size` elements; the last may be shorter.
-pub struct Chunks<'a, T> {
+pub(super) struct Chunks<'a, T> {
     slice: Slice<'a, T>,
     size: usize,
 }
 
 impl<'a, T> Chunks<'a, T> {
     /// Borrows the slice for one phase.
-    pub fn new(slice: &'a mut [T], size: usize) -> Self {
+    pub(super) fn new(slice: &'a mut [T], size: usize) -> Self {
         assert!(size > 0, "a run has at least one element");
         Self { slice: Slice::new(slice), size }
     }
@@ -107,11 +107,11 @@ unsafe impl<'a, T: Send> Disjoint for Chunks<'a, T> {
 
 /// Where runs of given lengths begin in a slice that holds them one after another.
 #[derive(Clone, Debug)]
-pub struct Offsets(Vec<usize>);
+pub(super) struct Offsets(Vec<usize>);
 
 impl Offsets {
     /// Offsets of runs with these lengths; one more than runs, ascending.
-    pub fn of(lengths: impl Iterator<Item = usize>) -> Self {
+    pub(super) fn of(lengths: impl Iterator<Item = usize>) -> Self {
         let mut offsets = vec![0];
         let mut end = 0_usize;
         offsets.extend(lengths.map(|length| {
@@ -122,23 +122,23 @@ impl Offsets {
     }
 
     /// Number of runs.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.0.len() - 1
     }
 
     /// Where a run lies.
-    pub fn run(&self, i: usize) -> std::ops::Range<usize> {
+    pub(super) fn run(&self, i: usize) -> std::ops::Range<usize> {
         self.0[i]..self.0[i + 1]
     }
 
     /// Length of all runs together.
-    pub fn total(&self) -> usize {
+    pub(super) fn total(&self) -> usize {
         self.0.last().copied().unwrap_or(0)
     }
 }
 
 /// Runs of given lengths, one after another.
-pub struct Runs<'a, T> {
+pub(super) struct Runs<'a, T> {
     slice: Slice<'a, T>,
     offsets: &'a Offsets,
 }
@@ -148,7 +148,7 @@ impl<'a, T> Runs<'a, T> {
     ///
     /// # Panics
     /// If the slice is shorter than the runs.
-    pub fn new(slice: &'a mut [T], offsets: &'a Offsets) -> Self {
+    pub(super) fn new(slice: &'a mut [T], offsets: &'a Offsets) -> Self {
         assert!(offsets.total() <= slice.len(), "{} elements for runs of {}", slice.len(), offsets.total());
         Self { slice: Slice::new(slice), offsets }
     }

@@ -147,7 +147,13 @@ impl Layer {
 
 impl Drag {
     /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end.
-    pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[Vec<usize>], areas: Vec<f64>, flattening: f64) -> Self {
+    pub(super) fn new(
+        axis: [f64; 3],
+        nodes: Vec<u32>,
+        ring_sizes: &[Vec<usize>],
+        areas: Vec<f64>,
+        flattening: f64,
+    ) -> Self {
         let mut first = 0;
         let layer = |sizes: &Vec<usize>| {
             let layer = Layer::new(first, sizes, areas.len());
@@ -160,7 +166,7 @@ impl Drag {
     }
 
     /// Places in `nodes` of a layer.
-    pub fn layer(&self, layer: usize) -> std::ops::Range<usize> {
+    pub(super) fn layer(&self, layer: usize) -> std::ops::Range<usize> {
         let rings = &self.layers[layer].rings;
         rings[0]..rings[rings.len() - 1]
     }
@@ -204,14 +210,14 @@ impl Drag {
     }
 
     /// Mean displacement of a layer's outermost ring along the axis, m.
-    pub fn of_layer(&self, layer: usize, u: &[[f64; 3]]) -> f64 {
+    pub(super) fn of_layer(&self, layer: usize, u: &[[f64; 3]]) -> f64 {
         let ring = self.outermost(layer);
         let count = ring.len() as f64;
         ring.map(|p| self.along(p, u)).sum::<f64>() / count
     }
 
     /// One step of the dragged nodes, from the force at its start.
-    pub fn step(&self, state: &mut Moving, mass: &[f64], step: u32, rule: &Rule) {
+    pub(super) fn step(&self, state: &mut Moving, mass: &[f64], step: u32, rule: &Rule) {
         let share = f64::from(step) / f64::from(rule.steps);
         let d = self.way[0] + share * (self.way[1] - self.way[0]);
         state.slip.at = d;
@@ -345,7 +351,7 @@ impl Drag {
     }
 
     /// Mean of c_i over the end's area, m.
-    pub fn cut(&self, slip: &Slip) -> f64 {
+    pub(super) fn cut(&self, slip: &Slip) -> f64 {
         self.areas.iter().zip(&slip.end).map(|(a, c)| a * c).sum()
     }
 

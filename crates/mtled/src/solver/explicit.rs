@@ -5,13 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use crate::approximation::ShapeTable;
 
-use super::contact::Touch;
-use super::drag::{End, Wall};
+use super::aside::{along, aside};
+use super::drag::{End, Grip, Wall};
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
 use super::slip::Slip;
-use super::state::{Kept, Moving, Role, State};
-use super::step::{Advance, Balance};
+use super::state::{Kept, Moving, Path, Role, State};
 use super::work::StepWork;
 
 /// Explicit solver of one body: a shared [`Model`], a [`State`], a [`Workspace`], and a state to come back to.
@@ -20,7 +19,7 @@ pub struct Solver {
     pub(super) model: Arc<Model>,
     pub(super) state: State,
     pub(super) work: Workspace,
-    saved: Kept,
+    pub(super) saved: Kept,
     /// What a [`super::Team`] found at the last evaluation, if it was that which evaluated.
     pub(super) told: Option<Told>,
 }
@@ -43,7 +42,8 @@ impl Solver {
         role: Vec<Role>,
         settings: &SolverSettings,
     ) -> Self {
-        Self::of(Arc::new(Model::new(table, cells, points, role, settings)), settings.threads)
+        let model = Model::of_materials(table, cells, points, role, &[settings.law], settings);
+        Self::of(Arc::new(model), settings.threads)
     }
 
     /// The undeformed state of a model, and memory to step it on so many threads.
@@ -86,7 +86,7 @@ impl Solver {
     }
 
     /// What a step estimate begins from is what this solver's own memory holds.
-    fn leave_team(&mut self) {
+    pub(super) fn leave_team(&mut self) {
         if self.told.is_some() {
             self.evaluate();
         }
@@ -101,202 +101,158 @@ impl Solver {
     /// Nodal parameters, m.
     #[must_use]
     pub fn parameters(&self) -> &[[f64; 3]] {
-        self.state.parameters()
+        &self.state.moving.u
     }
 
     /// What holds each node.
     #[must_use]
     pub fn roles(&self) -> &[Role] {
-        self.state.roles()
+        &self.state.constraints.role
     }
 
-    /// [`State::set_role`].
+    /// Gives a node another role; an instrument node keeps its displacement until [`Solver::prescribe`] moves it.
     pub fn set_role(&mut self, node: usize, role: Role) {
-        self.state.set_role(node, role);
+        let u = match role {
+            Role::Dragged => aside(&self.state.moving.u[node], &self.state.constraints.drag.axis),
+            _ => self.state.moving.u[node],
+        };
+        self.state.constraints.role[node] = role;
+        self.state.constraints.path[node] = Path { start: u, end: u, spring: 0.0, along: [0.0; 3] };
+        self.state.moving.q[node] = [0.0; 3];
     }
 
-    /// [`State::prescribe`].
+    /// Prescribes the displacement of an instrument node at the end of the next advance, m.
     pub fn prescribe(&mut self, node: usize, displacement: [f64; 3]) {
-        self.state.prescribe(node, displacement);
+        self.state.constraints.path[node] =
+            Path { start: self.state.moving.u[node], end: displacement, spring: 0.0, along: [0.0; 3] };
     }
 
-    /// [`State::guide`].
+    /// As [`Solver::prescribe`], for a guided node: a spring in N/m pulls it sideways to the displacement. Where the spring begins
+    /// stays, so the spring's end moves from there and not from where the node is.
     pub fn guide(&mut self, node: usize, displacement: [f64; 3], spring: f64) {
-        self.state.guide(node, displacement, spring);
+        let path = &mut self.state.constraints.path[node];
+        let [x, y, _] = path.end;
+        *path = Path { start: [x, y, self.state.moving.u[node][2]], end: displacement, spring, along: [0.0; 3] };
     }
 
-    /// [`State::guide_along`].
+    /// As [`Solver::guide`], of a node that is held along a unit vector and not along z; the spring pulls it across that.
     pub fn guide_along(&mut self, node: usize, displacement: [f64; 3], spring: f64, axis: [f64; 3]) {
-        self.state.guide_along(node, displacement, spring, axis);
+        let path = &mut self.state.constraints.path[node];
+        let (u, end) = (&self.state.moving.u[node], path.end);
+        let way = along(&std::array::from_fn(|k| u[k] - end[k]), &axis);
+        let start = std::array::from_fn(|k| end[k] + way * axis[k]);
+        *path = Path { start, end: displacement, spring, along: axis };
     }
 
-    /// [`State::move_surface`].
+    /// Moves the instrument's surface, if it has one, to a displacement at the end of the next advance, m.
     pub fn move_surface(&mut self, displacement: [f64; 3]) {
-        self.state.move_surface(displacement);
+        self.state.constraints.way =
+            Path { start: self.state.moving.offset, end: displacement, spring: 0.0, along: [0.0; 3] };
     }
 
-    /// [`State::grip`].
+    /// Says how the rod's wall goes with a layer of nodes. A wall that begins to act does so without a force.
     pub fn grip(&mut self, layer: usize, wall: Wall) {
-        self.state.grip(layer, wall);
+        let before = &mut self.state.constraints.drag.walls[layer];
+        let begins = before.limit <= 0.0 && wall.limit > 0.0;
+        *before = wall;
+        if wall.grip == Grip::Free {
+            let places = self.state.constraints.drag.layer(layer);
+            self.state.moving.slip.held[places].fill(false);
+        }
+        if begins {
+            let slip = &mut self.state.moving.slip;
+            slip.wall[layer] = slip.at - self.state.constraints.drag.of_layer(layer, &self.state.moving.u);
+            slip.wall_floor[layer] = slip.wall[layer];
+        }
     }
 
-    /// [`State::set_end`].
+    /// Says how the rod's end goes through the material.
     pub fn set_end(&mut self, end: End) {
-        self.state.set_end(end);
+        self.state.constraints.drag.end = end;
     }
 
-    /// [`State::place_end`].
+    /// The rod's end is at a depth of the material, m.
     pub fn place_end(&mut self, depth: f64) {
-        self.state.place_end(depth);
+        self.state.moving.slip.end.fill(depth);
+        self.state.moving.slip.end_floor.fill(depth);
+        self.state.moving.slip.began.fill(depth);
     }
 
-    /// [`State::begin_cut`].
+    /// A stretch of time begins, that of the end's [`End::rate`].
     pub fn begin_cut(&mut self) {
-        self.state.begin_cut();
+        self.state.moving.slip.began.copy_from_slice(&self.state.moving.slip.end);
     }
 
-    /// [`State::forget_motion`].
+    /// What was learnt of the motion is no longer true: the nodes stand, and go along with nothing.
     pub fn forget_motion(&mut self) {
-        self.state.forget_motion();
+        self.state.moving.q.fill([0.0; 3]);
+        self.state.moving.tangent.0.iter_mut().for_each(|t| t.fill([0.0; 3]));
+        self.state.control.motion.unlearnt = [1.0; 3];
     }
 
-    /// [`State::adapt_damping`].
-    pub fn adapt_damping(&mut self) {
-        self.state.adapt_damping(&mut self.work);
-    }
-
-    /// [`State::drag_to`].
+    /// Moves the rod along its axis, to a way in m at the end of the next advance.
     pub fn drag_to(&mut self, way: f64) {
-        self.state.drag_to(way);
+        self.state.constraints.drag.way = [self.state.moving.slip.at, way];
     }
 
-    /// [`State::drag_from`].
+    /// Puts the rod to a way in m with no motion.
     pub fn drag_from(&mut self, way: f64) {
-        self.state.drag_from(way);
+        self.state.moving.slip.at = way;
+        self.state.constraints.drag.way = [way; 2];
     }
 
-    /// [`State::slip`].
+    /// What slip has done so far.
     #[must_use]
     pub fn slip(&self) -> &Slip {
-        self.state.slip()
+        &self.state.moving.slip
     }
 
-    /// [`State::cut`].
+    /// Depth of the material that the rod's end has cut, m: the mean over its area.
     #[must_use]
     pub fn cut(&self) -> f64 {
-        self.state.cut()
+        self.state.constraints.drag.cut(&self.state.moving.slip)
     }
 
-    /// [`State::internal_force`].
+    /// Internal force on a node after the last step, N: what its holder exerts on the tissue.
     #[must_use]
     pub fn internal_force(&self, node: usize) -> [f64; 3] {
-        self.state.internal_force(node)
+        self.state.moving.f[node]
     }
 
-    /// [`State::of_layer`].
+    /// Mean displacement of a layer of dragged nodes along the rod's axis, m.
     #[must_use]
     pub fn of_layer(&self, layer: usize) -> f64 {
-        self.state.of_layer(layer)
+        self.state.constraints.drag.of_layer(layer, &self.state.moving.u)
     }
 
-    /// [`State::touches`].
-    #[must_use]
-    pub fn touches(&self) -> &[Touch] {
-        self.state.touches()
-    }
-
-    /// [`State::slowest`].
-    #[must_use]
-    pub fn slowest(&self) -> f64 {
-        self.state.slowest()
-    }
-
-    /// [`State::unlearnt`].
+    /// What of a way of the instrument, m, is along directions whose tangent motions have not been learnt yet (see `solver::step`). The tissue
+    /// does not go along with it at once: it is an impulse.
     #[must_use]
     pub fn unlearnt(&self, way: [f64; 3]) -> f64 {
-        self.state.unlearnt(way)
+        let unlearnt = self.state.control.motion.unlearnt;
+        way.iter().zip(unlearnt).map(|(d, share)| (d * share).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// [`Model::set_active`].
+    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
     pub fn set_active(&mut self, point: usize, share: f64) {
-        self.model.set_active(&mut self.state, point, share);
+        with_kernel!((&self.model.kernel, &mut self.state.points) => (k, points) { k.set_active(points, point, share) });
     }
 
-    /// [`Model::advance`].
-    pub fn advance(&mut self, advance: &Advance) -> u32 {
-        self.told = None;
-        self.model.advance(&mut self.state, &mut self.work, advance)
-    }
-
-    /// [`Workspace::stop_on`].
+    /// Watches a flag: once it is set, an advance ends within 24 steps.
     pub fn stop_on(&mut self, flag: Arc<AtomicBool>) {
-        self.work.stop_on(flag);
+        self.work.stop = flag;
     }
 
-    /// [`Workspace::is_stopped`].
+    /// Whether that flag is set.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.work.is_stopped()
     }
 
-    /// [`Model::balance`].
+    /// Angular frequency of the slowest mode, rad per step.
     #[must_use]
-    pub fn balance(&self) -> Balance {
-        match self.told {
-            Some(told) => self.model.balance_of(&self.state, told.energy),
-            None => self.model.balance(&self.state, &self.work),
-        }
-    }
-
-    /// [`Model::refresh_if_due`].
-    pub fn refresh_if_due(&mut self) {
-        self.leave_team();
-        self.model.refresh_if_due(&mut self.state, &mut self.work);
-    }
-
-    /// [`Model::refresh_step`].
-    pub fn refresh_step(&mut self) {
-        self.leave_team();
-        self.model.refresh_step(&mut self.state, &mut self.work);
-    }
-
-    /// [`Model::fastest`].
-    pub fn fastest(&mut self, iterations: usize) -> f64 {
-        self.leave_team();
-        self.model.fastest(&mut self.state, &mut self.work, iterations)
-    }
-
-    /// [`Model::stress_relaxation`].
-    #[must_use]
-    pub fn stress_relaxation(&self, time_s: f64) -> f64 {
-        self.model.stress_relaxation(&self.state, time_s)
-    }
-
-    /// [`Model::relax_until`].
-    pub fn relax_until(&mut self, time_s: f64) {
-        if self.state.moving.time.is_none() {
-            self.saved.time = Some(time_s);
-        }
-        self.model.relax_until(&mut self.state, &mut self.work, time_s);
-    }
-
-    /// [`Model::relax_again`].
-    pub fn relax_again(&mut self, time_s: f64) {
-        self.model.relax_again(&mut self.state, &mut self.work, time_s);
-    }
-
-    /// [`Model::commit`].
-    pub fn commit(&mut self, time_s: f64) {
-        self.model.commit(&mut self.state, &mut self.work, time_s);
-    }
-
-    /// Takes no step until `time_s`: what relaxes is remembered, and the present state kept to come back to, since
-    /// coming back to one from before a long rest would spread what follows over all of the rest.
-    pub fn rest(&mut self, time_s: f64) {
-        self.commit(time_s);
-        if self.model.relaxes() {
-            self.save();
-        }
+    pub fn slowest(&self) -> f64 {
+        self.state.slowest()
     }
 
     /// Keeps the present state, to come back to with [`Solver::restore`].

@@ -10,12 +10,12 @@ const FOUR: usize = 4;
 
 impl Nodes<'_> {
     /// Moves all of these nodes through one step, from the forces at its start.
-    pub fn integrate_all(&mut self, held: &Held<'_>, step: u32, rule: &Rule) {
+    pub(super) fn integrate_all(&mut self, held: &Held<'_>, step: u32, rule: &Rule) {
         run(Motion { nodes: self, held, step, rule });
     }
 
     /// What these nodes contribute to the balance.
-    pub fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
+    pub(super) fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
         let mut sums = Sums::default();
         run(Summing { nodes: self, held, mass_factor, sums: &mut sums });
         sums

@@ -22,7 +22,7 @@ const CLOSED: u64 = 1 << 31;
 const PHASE: u64 = 1 << 32;
 
 /// How a phase ended.
-pub struct Ended {
+pub(super) struct Ended {
     /// A helper panicked.
     pub panicked: bool,
     /// Time for which the owner waited for a helper that had most likely lost its processor; zero for the usual short wait.
@@ -32,7 +32,7 @@ pub struct Ended {
 }
 
 /// The gate of one team. `J` is what a phase's owner tells its helpers.
-pub struct Gate<J> {
+pub(super) struct Gate<J> {
     state: AtomicU64,
     /// Index of the next part of the work that nobody has claimed.
     next: AtomicUsize,
@@ -48,7 +48,7 @@ unsafe impl<J: Send> Sync for Gate<J> {}
 
 impl<J: Copy> Gate<J> {
     /// A closed gate.
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             state: AtomicU64::new(CLOSED),
             next: AtomicUsize::new(0),
@@ -63,7 +63,7 @@ impl<J: Copy> Gate<J> {
     ///
     /// # Safety
     /// One phase at a time: not while another thread is in this function, and not from within a phase.
-    pub unsafe fn phase(&self, job: J, own: impl FnOnce()) -> Ended {
+    pub(super) unsafe fn phase(&self, job: J, own: impl FnOnce()) -> Ended {
         // SAFETY: the gate is closed and nobody inside: it was made so, or the last phase left it so.
         self.job.with_mut(|at| unsafe { *at = Some(job) });
         self.next.store(0, Ordering::Relaxed);
@@ -81,7 +81,7 @@ impl<J: Copy> Gate<J> {
     }
 
     /// Enters the present phase if it is open and not the one `seen` last.
-    pub fn enter(&self, seen: &mut u32) -> Option<J> {
+    pub(super) fn enter(&self, seen: &mut u32) -> Option<J> {
         let state = self.state.load(Ordering::Relaxed);
         let phase = (state >> 32) as u32;
         if state & CLOSED != 0 || phase == *seen {
@@ -94,7 +94,7 @@ impl<J: Copy> Gate<J> {
     }
 
     /// The helper of a rank leaves the phase that [`Gate::enter`] gave a job of.
-    pub fn leave(&self, rank: usize, panicked: bool) {
+    pub(super) fn leave(&self, rank: usize, panicked: bool) {
         if panicked {
             self.panicked.store(true, Ordering::Relaxed);
         }
@@ -105,7 +105,7 @@ impl<J: Copy> Gate<J> {
     }
 
     /// An index below `count` that no other thread of this phase gets.
-    pub fn claim(&self, count: usize) -> Option<usize> {
+    pub(super) fn claim(&self, count: usize) -> Option<usize> {
         let i = self.next.fetch_add(1, Ordering::Relaxed);
         (i < count).then_some(i)
     }

@@ -19,24 +19,24 @@ pub(super) struct Half {
 
 impl Half {
     /// Of the nodes of one half, m.
-    pub fn new(mirror: Mirror, points: &[[f64; 3]]) -> Self {
+    pub(super) fn new(mirror: Mirror, points: &[[f64; 3]]) -> Self {
         Self { mirror, on_plane: mirror.holds(points) }
     }
 
     /// A node's vector: on the plane the part within it.
     #[inline]
-    pub fn of_node(&self, n: usize, v: [f64; 3]) -> [f64; 3] {
+    pub(super) fn of_node(&self, n: usize, v: [f64; 3]) -> [f64; 3] {
         if self.on_plane[n] { self.mirror.within(&v) } else { v }
     }
 
     /// Sum of a vector of node n and of its image, and of how many nodes that is.
-    pub fn with_image(&self, n: usize, v: &[f64; 3]) -> ([f64; 3], f64) {
+    pub(super) fn with_image(&self, n: usize, v: &[f64; 3]) -> ([f64; 3], f64) {
         let within = self.mirror.within(v);
         if self.on_plane[n] { (within, 1.0) } else { (within.map(|x| 2.0 * x), 2.0) }
     }
 
     /// The sums over the whole body.
-    pub fn whole(&self, half: &Sums) -> Sums {
+    pub(super) fn whole(&self, half: &Sums) -> Sums {
         let twice = |v: &[f64; 3]| self.mirror.within(v).map(|x| 2.0 * x);
         let within = self.mirror.within(&half.moment);
         Sums {

@@ -25,6 +25,7 @@ use super::contact::By;
 use super::model::Model;
 use super::state::{Constraints, Role, State};
 use super::step::Balance;
+use crate::vector::{cross, dot};
 
 /// Share of the gap that is nothing but the round-off of its projection.
 const ROUND_OFF: f64 = 1e-9;
@@ -65,12 +66,12 @@ pub(super) struct Sums {
 
 impl Sums {
     /// The force on whatever holds a node at a place, m.
-    pub fn add_held(&mut self, by: By, place: &[f64; 3], force: &[f64; 3]) {
+    pub(super) fn add_held(&mut self, by: By, place: &[f64; 3], force: &[f64; 3]) {
         if by == By::Base {
             (0..3).for_each(|k| self.base[k] += force[k]);
             return;
         }
-        let moment = cross(place, force);
+        let moment = cross(*place, *force);
         for k in 0..3 {
             self.instrument[k] += force[k];
             self.moment[k] += moment[k];
@@ -79,14 +80,20 @@ impl Sums {
 
     /// A free node of a mass with what is left of the internal force on it; tangent motions along the last directions.
     #[inline(always)]
-    pub fn add_free<const N: usize>(&mut self, mass: f64, q: &[f64; 3], tangent: [&[f64; 3]; N], left: &[f64; 3]) {
-        self.kinetic += 0.5 * mass * dot(q, q);
-        self.learnt.iter_mut().skip(3 - N).zip(tangent).for_each(|(learnt, tangent)| *learnt += dot(tangent, left));
-        self.present += dot(q, left);
+    pub(super) fn add_free<const N: usize>(
+        &mut self,
+        mass: f64,
+        q: &[f64; 3],
+        tangent: [&[f64; 3]; N],
+        left: &[f64; 3],
+    ) {
+        self.kinetic += 0.5 * mass * dot(*q, *q);
+        self.learnt.iter_mut().skip(3 - N).zip(tangent).for_each(|(learnt, tangent)| *learnt += dot(*tangent, *left));
+        self.present += dot(*q, *left);
     }
 
     /// Those of a state that holds no numbers any more.
-    pub const LOST: Self = Self {
+    pub(super) const LOST: Self = Self {
         instrument: [f64::NAN; 3],
         base: [f64::NAN; 3],
         moment: [f64::NAN; 3],
@@ -108,15 +115,6 @@ impl std::ops::Add for Sums {
             present: self.present + other.present,
         }
     }
-}
-
-pub(super) fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[inline(always)]
-pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Model {
@@ -161,7 +159,7 @@ impl Motion {
     /// Changes the c_k by the least that explains the displacements of the instrument's nodes, their sum in m and their number, by
     /// its travel.
     fn learn(&mut self, sum: [f64; 3], count: f64, travel: [f64; 3]) {
-        let square = dot(&travel, &travel);
+        let square = dot(travel, travel);
         for i in 0..3 {
             let known: f64 = (0..3).map(|k| self.rate[k][i] * travel[k]).sum();
             for k in (0..3).filter(|&k| travel[k] != 0.0) {
@@ -177,21 +175,21 @@ impl Motion {
     }
 
     /// Takes inertia out of force and moment on the instrument; fills in gap and error estimate. `slides`: tissue may slide on a surface.
-    pub fn take_out_inertia(&self, b: &mut Balance, sums: &Sums, slides: bool) {
+    pub(super) fn take_out_inertia(&self, b: &mut Balance, sums: &Sums, slides: bool) {
         let mut left: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
-        b.gap = dot(&left, &left).sqrt();
+        b.gap = dot(left, left).sqrt();
         let (mut taken_out, mut errors) = ([0.0; 3], [0.0; 3]);
         // The insertion first: most of the force is along it. Tissue that slides does not follow a surface sideways.
         let directions = if slides { &[2][..] } else { &[2, 0, 1] };
         for &k in directions {
             let rate = self.rate[k];
-            let square = dot(&rate, &rate);
+            let square = dot(rate, rate);
             if square <= 0.0 {
                 continue;
             }
             // along c_k, in newtons
-            let (half, most) = (0.5 * sums.present * self.gain[k] / square.sqrt(), dot(&left, &rate) / square.sqrt());
-            let wanted = sums.learnt[k] / square.sqrt() + half - dot(&taken_out, &rate) / square.sqrt();
+            let (half, most) = (0.5 * sums.present * self.gain[k] / square.sqrt(), dot(left, rate) / square.sqrt());
+            let wanted = sums.learnt[k] / square.sqrt() + half - dot(taken_out, rate) / square.sqrt();
             let taken = wanted.clamp(most.min(0.0), most.max(0.0));
             errors[k] = half.abs().min(most.abs());
             if slides {
@@ -205,9 +203,9 @@ impl Motion {
             }
         }
         move_along_its_line(b, &taken_out);
-        let across = dot(&left, &left).sqrt();
+        let across = dot(left, left).sqrt();
         let unknown = if across > ROUND_OFF * b.gap { 0.5 * across } else { 0.0 };
-        b.error_estimate = (dot(&errors, &errors) + unknown * unknown).sqrt();
+        b.error_estimate = (dot(errors, errors) + unknown * unknown).sqrt();
     }
 }
 
@@ -215,9 +213,9 @@ impl Motion {
 /// which goes through c = F x M / |F|^2, so that the moment about the line stays.
 fn move_along_its_line(b: &mut Balance, taken_out: &[f64; 3]) {
     let before: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + taken_out[k]);
-    let square = dot(&before, &before);
+    let square = dot(before, before);
     if square > 0.0 {
-        let moment = cross(&cross(&before, &b.moment).map(|c| c / square), taken_out);
+        let moment = cross(cross(before, b.moment).map(|c| c / square), *taken_out);
         (0..3).for_each(|k| b.moment[k] -= moment[k]);
     }
 }

@@ -15,7 +15,7 @@ use crate::approximation::ShapeTable;
 use crate::material::Law;
 use crate::material::neo_hookean::Gradient;
 
-use super::block::{Block, BlockScratch, ForceOfLane, Shares};
+use super::block::{Block, BlockScratch, ForceOfLane};
 use super::dilatation::Dilatation;
 use super::disjoint::{Chunks, Each, Offsets, Runs};
 use super::memory::Memory;
@@ -26,9 +26,10 @@ use super::strip::FIELDS;
 use super::vertices::Vertices;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::{Number, Real};
+use crate::shares::Shares;
 
 /// Nodes per part of a phase over nodes. Under Miri so few that a tiny model has several parts.
-pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
+pub(super) const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 
 /// Internal-force kernel of one model: what never changes.
 #[derive(Debug)]
@@ -68,7 +69,7 @@ pub struct InternalForce {
 
 /// What a state says of the integration points.
 #[derive(Debug)]
-pub struct Points<T> {
+pub(super) struct Points<T> {
     /// Share of each point that is tissue, by block and group: 1, or less where a needle fills its cell.
     pub(super) active: Vec<Vec<Lanes<T>>>,
     /// How often that has changed.
@@ -108,7 +109,7 @@ impl<T: Clone> Clone for Points<T> {
 
 /// Scratch memory of an evaluation, and what the last one left there.
 #[derive(Debug)]
-pub struct Scratch<T: Real> {
+pub(super) struct Scratch<T: Real> {
     blocks: Vec<BlockScratch<T>>,
     /// Internal force of each block on each of its nodes, block after block, N.
     force: Vec<[T; 3]>,

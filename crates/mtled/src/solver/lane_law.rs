@@ -61,7 +61,7 @@ pub(super) trait LaneShape<T: Real>: Copy {
 
 /// One number of each law.
 #[inline(always)]
-fn of_each<T: Real, L, V: Vector<T>>(laws: &[L; LANES], number: impl Fn(&L) -> T) -> V {
+pub(super) fn of_each<T: Real, L, V: Vector<T>>(laws: &[L; LANES], number: impl Fn(&L) -> T) -> V {
     V::load(&Lanes(laws.each_ref().map(number)))
 }
 
@@ -110,7 +110,7 @@ pub(super) struct Volume<N> {
 impl<N: Number> Volume<N> {
     /// Energy density and pressure.
     #[inline(always)]
-    pub fn own(&self, j: N) -> (N, N) {
+    pub(super) fn own(&self, j: N) -> (N, N) {
         if self.resists_collapse {
             return collapse(j, self.pointwise);
         }
@@ -120,7 +120,7 @@ impl<N: Number> Volume<N> {
 
     /// Its second derivative with the projected part's, from the clamped J and the projected pressure.
     #[inline(always)]
-    pub fn curvature(&self, j: N, pressure: N) -> N {
+    pub(super) fn curvature(&self, j: N, pressure: N) -> N {
         let own = if self.resists_collapse { collapse_curvature(j) } else { N::of(1.0) };
         let projected = match self.law {
             Volumetric::Quadratic => self.projected,
@@ -137,9 +137,17 @@ impl<N: Number> Volume<N> {
 impl<T: Real> Volume<T> {
     /// In registers.
     #[inline(always)]
-    pub fn splat<V: Vector<T>>(&self) -> Volume<V> {
+    pub(super) fn splat<V: Vector<T>>(&self) -> Volume<V> {
         let Self { pointwise, projected, resists_collapse, law } = *self;
         Volume { pointwise: V::splat(pointwise), projected: V::splat(projected), resists_collapse, law }
+    }
+
+    /// Each lane's own; what is no number from the first.
+    #[inline(always)]
+    fn side_by_side<L, V: Vector<T>>(laws: &[L; LANES], of: impl Fn(&L) -> &Self) -> Volume<V> {
+        let Self { resists_collapse, law, .. } = *of(&laws[0]);
+        let pointwise = of_each(laws, |law| of(law).pointwise);
+        Volume { pointwise, projected: of_each(laws, |law| of(law).projected), resists_collapse, law }
     }
 }
 
@@ -153,18 +161,15 @@ impl<T: Real, S: LaneShape<T>> LaneLaw<T> for WithVolume<S, T> {
 
     #[inline(always)]
     fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V> {
-        let Volume { resists_collapse, law, .. } = laws[0].volume;
-        let (pointwise, projected) =
-            (of_each(laws, |law| law.volume.pointwise), of_each(laws, |law| law.volume.projected));
         let shape = S::side_by_side(&laws.each_ref().map(|law| law.shape));
-        WithVolume { shape, volume: Volume { pointwise, projected, resists_collapse, law } }
+        WithVolume { shape, volume: Volume::side_by_side(laws, |law| &law.volume) }
     }
 }
 
 impl<T: Real> Term<T> {
     /// In registers.
     #[inline(always)]
-    pub fn splat<V: Vector<T>>(&self) -> Term<V> {
+    pub(crate) fn splat<V: Vector<T>>(&self) -> Term<V> {
         let Self { half, factor, energy, modulus } = *self;
         Term { half: V::splat(half), factor: V::splat(factor), energy: V::splat(energy), modulus: V::splat(modulus) }
     }
@@ -202,7 +207,7 @@ impl<T: Real> LaneShape<T> for Stretches<T> {
 impl<N: Number, S: Shape<N>> WithVolume<S, N> {
     /// As [`WideLaw::at`] within an increment of time: gamma and H of [`prony`].
     #[inline(always)]
-    pub fn relaxing<const AXISYMMETRIC: bool>(
+    pub(super) fn relaxing<const AXISYMMETRIC: bool>(
         &self,
         f: &Gradient<N>,
         projected: Projected<N>,
@@ -263,13 +268,11 @@ pub(super) fn with_pressure<N: Number, const AXISYMMETRIC: bool>(
     stress
 }
 
-/// [`crate::material::neo_hookean`] in the kernel's own precision.
+/// [`crate::material::neo_hookean`] in the kernel's own precision, with the quadratic energy of volume.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NeoHookean<N> {
     pub mu: N,
-    pub pointwise: N,
-    pub projected: N,
-    pub resists_collapse: bool,
+    pub volume: Volume<N>,
 }
 
 impl<T: Real> LaneLaw<T> for NeoHookean<T> {
@@ -277,24 +280,12 @@ impl<T: Real> LaneLaw<T> for NeoHookean<T> {
 
     #[inline(always)]
     fn splat<V: Vector<T>>(&self) -> NeoHookean<V> {
-        NeoHookean {
-            mu: V::splat(self.mu),
-            pointwise: V::splat(self.pointwise),
-            projected: V::splat(self.projected),
-            resists_collapse: self.resists_collapse,
-        }
+        NeoHookean { mu: V::splat(self.mu), volume: self.volume.splat() }
     }
 
     #[inline(always)]
     fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> NeoHookean<V> {
-        let of = |number: fn(&Self) -> T| Lanes(laws.each_ref().map(number));
-        let (mu, pointwise, projected) = (of(|law| law.mu), of(|law| law.pointwise), of(|law| law.projected));
-        NeoHookean {
-            mu: V::load(&mu),
-            pointwise: V::load(&pointwise),
-            projected: V::load(&projected),
-            resists_collapse: laws[0].resists_collapse,
-        }
+        NeoHookean { mu: of_each(laws, |law| law.mu), volume: Volume::side_by_side(laws, |law| &law.volume) }
     }
 }
 
@@ -303,24 +294,17 @@ impl<N: Number> WideLaw<N> for NeoHookean<N> {
     fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
         let cof = cofactor_in::<N, AXISYMMETRIC>(f);
         let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
-        let (energy, own) = if self.resists_collapse {
-            collapse(j, self.pointwise)
-        } else {
-            let dilation = j - N::of(1.0);
-            (N::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
-        };
+        let (energy, own) = self.volume.own(j);
         let energy = distortional_energy_in::<N, AXISYMMETRIC>(f, j, self.mu) + energy;
         (energy, first_piola_in::<N, AXISYMMETRIC>(f, &cof, j, self.mu, projected.pressure + own))
     }
 
-    // the energy of volume being quadratic, the pressure does not change its curvature
     #[inline(always)]
-    fn stiffness(&self, f: &Gradient<N>, _: Projected<N>) -> N {
+    fn stiffness(&self, f: &Gradient<N>, projected: Projected<N>) -> N {
         let cof = cofactor(f);
         let (j, lack) = clamped(determinant(f, &cof));
         let root = j.inverse_cube_root();
-        let curvature = if self.resists_collapse { collapse_curvature(j) } else { N::of(1.0) };
-        let bulk = self.projected + self.pointwise * curvature;
+        let bulk = self.volume.curvature(j, projected.pressure);
         plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
     }
 }

@@ -150,7 +150,7 @@ fn base_and_height(points: &[[f64; 3]]) -> (f64, f64) {
 
 impl FundamentalMode {
     /// Of a body with the modulus of each region, Pa.
-    pub fn of(extent: &Extent, moduli: &[f64]) -> Self {
+    pub(super) fn of(extent: &Extent, moduli: &[f64]) -> Self {
         let Extent { points, volume, parts } = extent;
         match moduli {
             [modulus] => Self::new(points, *volume, *modulus),
@@ -158,7 +158,7 @@ impl FundamentalMode {
         }
     }
 
-    pub fn new(points: &[[f64; 3]], volume: f64, modulus: f64) -> Self {
+    pub(super) fn new(points: &[[f64; 3]], volume: f64, modulus: f64) -> Self {
         let (base, height) = base_and_height(points);
         let k = std::f64::consts::FRAC_PI_2 / height;
         Self {
@@ -170,7 +170,7 @@ impl FundamentalMode {
 
     /// The same of a body whose modulus changes from place to place: `(z, volume, modulus)` of each integration point. The
     /// mode is u = sin(pi s / 2), where s grows from 0 to 1 up the body as the compliance of its slices does.
-    pub fn layered(points: &[[f64; 3]], parts: impl Iterator<Item = (f64, f64, f64)>) -> Self {
+    pub(super) fn layered(points: &[[f64; 3]], parts: impl Iterator<Item = (f64, f64, f64)>) -> Self {
         let (base, height) = base_and_height(points);
         let slice = |z: f64| (((z - base) / height * SLICES as f64).max(0.0) as usize).min(SLICES - 1);
         // volume, and volume times modulus, of each slice
@@ -203,12 +203,12 @@ impl FundamentalMode {
     }
 
     /// H, m.
-    pub fn height(&self) -> f64 {
+    pub(super) fn height(&self) -> f64 {
         self.height
     }
 
     /// rad per step.
-    pub fn frequency(&self, mass: impl Iterator<Item = f64>) -> f64 {
+    pub(super) fn frequency(&self, mass: impl Iterator<Item = f64>) -> f64 {
         let inertia: f64 = mass.zip(&self.square).map(|(m, s)| m * s).sum();
         (self.stiffness / inertia).sqrt()
     }

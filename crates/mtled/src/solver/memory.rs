@@ -33,7 +33,7 @@ const fn is_kept<const AXISYMMETRIC: bool>(k: usize) -> bool {
 cloned_field_by_field! {
     /// Memory of one block; empty for a material that does not relax.
     #[derive(Debug, Default)]
-    pub struct Memory {
+    pub(super) struct Memory {
         /// H of each group, Pa.
         held: Vec<OfGroup>,
         /// gamma.
@@ -51,7 +51,7 @@ cloned_field_by_field! {
 
 /// Integrals over the block at the last commit.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Sums {
+pub(super) struct Sums {
     /// V W, and V J^-2/3 h_i : C / 2, J.
     elastic: f64,
     held: [f64; MOST_TERMS],
@@ -65,13 +65,12 @@ pub struct Sums {
 impl Memory {
     /// One group within an increment, all its points alike.
     #[cfg(test)]
-    pub fn holding(held: Symmetric, elastic: f64) -> Self {
+    pub(crate) fn holding(held: Symmetric, elastic: f64) -> Self {
         Self { held: vec![held.map(Lanes::splat)], elastic, ..Self::default() }
     }
 
     /// Memory of so many groups; none for an elastic material.
-    #[must_use]
-    pub fn new(prony: &Prony, groups: usize, form: Form) -> Self {
+    pub(super) fn new(prony: &Prony, groups: usize, form: Form) -> Self {
         if prony.is_empty() {
             return Self::default();
         }
@@ -85,24 +84,23 @@ impl Memory {
     }
 
     /// Whether the material does not relax.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.held.is_empty()
     }
 
     /// Integrals at the last commit.
-    #[must_use]
-    pub fn sums(&self) -> &Sums {
+    pub(super) fn sums(&self) -> &Sums {
         &self.sums
     }
 
     /// H of the point in one slot; `None` for an elastic material.
-    pub fn held_in(&self, slot: usize) -> Option<Symmetric> {
+    pub(super) fn held_in(&self, slot: usize) -> Option<Symmetric> {
         self.held.get(slot / LANES).map(|held| held.map(|h| h.0[slot % LANES]))
     }
 
     /// H of a group's points.
     #[inline(always)]
-    pub fn held_by<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(&self, group: usize) -> [V; 6] {
+    pub(super) fn held_by<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(&self, group: usize) -> [V; 6] {
         let mut held = [V::default(); 6];
         for k in 0..6 {
             if is_kept::<AXISYMMETRIC>(k) {

@@ -16,10 +16,10 @@
 //! theta, as the law's own does below J_m. Stored are r - 1 and q + mu, which vanish at rest.
 
 use crate::material::neo_hookean::{Gradient, clamped, cofactor, cofactor_in, combined, determinant, determinant_in};
-use crate::number::{LANES, Lanes, Number, Real, Vector};
+use crate::number::{LANES, Number, Real, Vector};
 
 use super::collapse::{collapse, collapse_curvature};
-use super::lane_law::{LaneLaw, WideLaw};
+use super::lane_law::{LaneLaw, WideLaw, of_each};
 use super::points::{Constants, Projected, largest_square};
 
 /// theta_m: projected volume ratio below which the energy goes on along its tangent. Needles in space, which have this law, keep J above 0.26
@@ -77,7 +77,7 @@ pub(super) fn stress<T: Number, const AXISYMMETRIC: bool>(
 }
 
 impl<T: Real> Mixed<T> {
-    pub fn new(constants: &Constants) -> Self {
+    pub(super) fn new(constants: &Constants) -> Self {
         Self {
             mu: T::of(constants.law.shear_modulus()),
             pointwise: T::of(constants.pointwise),
@@ -120,9 +120,8 @@ impl<T: Real> LaneLaw<T> for Mixed<T> {
 
     #[inline(always)]
     fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Mixed<V> {
-        let of = |number: fn(&Self) -> T| Lanes(laws.each_ref().map(number));
-        let (mu, pointwise, projected) = (of(|law| law.mu), of(|law| law.pointwise), of(|law| law.projected));
-        Mixed { mu: V::load(&mu), pointwise: V::load(&pointwise), projected: V::load(&projected) }
+        let projected = of_each(laws, |law| law.projected);
+        Mixed { mu: of_each(laws, |law| law.mu), pointwise: of_each(laws, |law| law.pointwise), projected }
     }
 }
 

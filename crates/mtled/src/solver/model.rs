@@ -94,12 +94,12 @@ pub struct Model {
 /// Scratch memory of a step, and its team of threads. What the last evaluation of the internal force found stands here:
 /// deformation gradients, energy, smallest volume ratio.
 #[derive(Debug)]
-pub struct Workspace {
+pub(super) struct Workspace {
     pub(super) pool: Pool,
     pub(super) scratch: Precise<Scratch<f32>, Scratch<f64>>,
     /// A displacement field beside the state's own, m, and then the force there, N.
     pub(super) image: Vec<[f64; 3]>,
-    /// Where tissue that comes to rest was, for [`super::State::adapt_damping`].
+    /// Where tissue that comes to rest was, for [`Solver::adapt_damping`](super::Solver::adapt_damping).
     pub(super) sample: Sample,
     /// Set from outside to end an advance before its last step.
     pub(super) stop: Arc<AtomicBool>,
@@ -107,8 +107,7 @@ pub struct Workspace {
 
 impl Workspace {
     /// Memory and threads, the caller's included, for a model; no more threads than are worth having.
-    #[must_use]
-    pub fn new(model: &Model, threads: usize) -> Self {
+    pub(super) fn new(model: &Model, threads: usize) -> Self {
         let pool = Pool::new(threads.min(model.threads));
         let scratch = match &model.kernel {
             Precise::F32(k) => Precise::F32(k.scratch(pool.threads())),
@@ -120,38 +119,20 @@ impl Workspace {
         Self { pool, scratch, image: vec![[0.0; 3]; nodes], sample, stop: Arc::default() }
     }
 
-    /// Watches a flag: once it is set, an advance ends within 24 steps.
-    pub fn stop_on(&mut self, flag: Arc<AtomicBool>) {
-        self.stop = flag;
-    }
-
     /// Whether that flag is set.
-    #[must_use]
-    pub fn is_stopped(&self) -> bool {
+    pub(super) fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
     /// Threads that a step uses.
-    #[must_use]
-    pub fn threads(&self) -> usize {
+    pub(super) fn threads(&self) -> usize {
         self.pool.threads()
     }
 }
 
 impl Model {
-    /// Partition, masses and stable step for a shape table. `role` says which nodes are held from the start.
-    #[must_use]
-    pub fn new(
-        table: &ShapeTable,
-        cells: &[[u32; 4]],
-        points: &[[f64; 3]],
-        role: Vec<Role>,
-        settings: &SolverSettings,
-    ) -> Self {
-        Self::of_materials(table, cells, points, role, &[settings.law], settings)
-    }
-
-    /// The same of a body of several materials: the law of each region of the table, and no other, counts.
+    /// Partition, masses and stable step for a shape table. `role` says which nodes are held from the start. Of a body of several
+    /// materials the law of each region of the table, and no other, counts.
     #[must_use]
     pub fn of_materials(
         table: &ShapeTable,
@@ -286,11 +267,6 @@ impl Model {
         control.slowest = self.mode.frequency(control.mass.iter().copied());
         self.mass_scale = scale;
         self.rest.control = state.control;
-    }
-
-    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
-    pub fn set_active(&self, state: &mut State, point: usize, share: f64) {
-        with_kernel!((&self.kernel, &mut state.points) => (k, points) { k.set_active(points, point, share) });
     }
 
     /// The part of a node's vector that its place leaves: of one on a plane of symmetry what lies within that.

@@ -8,7 +8,7 @@ use super::kernel::NODES_PER_CHUNK;
 use super::state::{Moving, Path, Role};
 
 /// What a run of steps has in common.
-pub struct Rule {
+pub(super) struct Rule {
     /// Steps to take, of `steps` in all.
     pub first: u32,
     pub last: u32,
@@ -24,7 +24,7 @@ pub struct Rule {
 impl Rule {
     /// Component k of t d.
     #[inline]
-    pub fn drift(&self, tangent: &[[f64; 3]; 3], k: usize) -> f64 {
+    pub(super) fn drift(&self, tangent: &[[f64; 3]; 3], k: usize) -> f64 {
         let [x, y, z] = self.travel;
         // mostly an instrument moves along z alone
         if x == 0.0 && y == 0.0 { tangent[2][k] * z } else { tangent[0][k] * x + tangent[1][k] * y + tangent[2][k] * z }
@@ -32,7 +32,7 @@ impl Rule {
 
     /// Component k of the deviation from t d, after t has learnt from it.
     #[inline]
-    pub fn teach(&self, tangent: &mut [[f64; 3]; 3], k: usize, deviation: f64) -> f64 {
+    pub(super) fn teach(&self, tangent: &mut [[f64; 3]; 3], k: usize, deviation: f64) -> f64 {
         let mut left = deviation;
         for d in (0..3).filter(|&d| self.travel[d] != 0.0) {
             let lesson = self.learn * self.gain[d] * deviation;
@@ -44,7 +44,7 @@ impl Rule {
 
     /// Component k of the tangent motions of a node that is held, and has moved by so much in the step.
     #[inline]
-    pub fn set(&self, tangent: &mut [[f64; 3]; 3], k: usize, moved: f64) {
+    pub(super) fn set(&self, tangent: &mut [[f64; 3]; 3], k: usize, moved: f64) {
         for d in 0..3 {
             tangent[d][k] = moved * self.gain[d];
         }
@@ -52,7 +52,7 @@ impl Rule {
 }
 
 /// What holds all nodes, and their masses.
-pub struct Held<'a> {
+pub(super) struct Held<'a> {
     pub mass: &'a [f64],
     pub role: &'a [Role],
     pub path: &'a [Path],
@@ -69,19 +69,19 @@ pub struct Held<'a> {
 impl Held<'_> {
     /// Whether a node is on the axis of a half plane.
     #[inline]
-    pub fn keeps_on_axis(&self, n: usize) -> bool {
+    pub(super) fn keeps_on_axis(&self, n: usize) -> bool {
         self.revolved && self.points[n][0] == 0.0
     }
 }
 
-pub type Vectors<'a> = &'a mut [[f64; 3]];
-pub type OfNodes<'a> = Chunks<'a, [f64; 3]>;
-pub type Tangents<'a> = (Vectors<'a>, Vectors<'a>, Vectors<'a>);
-pub type OfTangents<'a> = (OfNodes<'a>, OfNodes<'a>, OfNodes<'a>);
-pub type Parts<'a> = (Vectors<'a>, Vectors<'a>, Tangents<'a>, Vectors<'a>, &'a mut [Touch]);
+pub(super) type Vectors<'a> = &'a mut [[f64; 3]];
+pub(super) type OfNodes<'a> = Chunks<'a, [f64; 3]>;
+pub(super) type Tangents<'a> = (Vectors<'a>, Vectors<'a>, Vectors<'a>);
+pub(super) type OfTangents<'a> = (OfNodes<'a>, OfNodes<'a>, OfNodes<'a>);
+pub(super) type Parts<'a> = (Vectors<'a>, Vectors<'a>, Tangents<'a>, Vectors<'a>, &'a mut [Touch]);
 
 /// The state's nodes, cut up for the team: u, q, tangent, f, touch.
-pub fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfTangents<'_>, OfNodes<'_>, Chunks<'_, Touch>) {
+pub(super) fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfTangents<'_>, OfNodes<'_>, Chunks<'_, Touch>) {
     let [x, y, z] = state.tangent.0.each_mut().map(|t| Chunks::new(t, NODES_PER_CHUNK));
     (
         Chunks::new(&mut state.u, NODES_PER_CHUNK),
@@ -93,7 +93,7 @@ pub fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfTangents<'_>, O
 }
 
 /// Consecutive nodes of the state.
-pub struct Nodes<'a> {
+pub(super) struct Nodes<'a> {
     /// Index of the first.
     pub first: usize,
     pub u: Vectors<'a>,
@@ -106,12 +106,12 @@ pub struct Nodes<'a> {
 
 impl<'a> Nodes<'a> {
     /// Part `i` of [`nodes`].
-    pub fn new(i: usize, (u, q, (x, y, z), f, touch): Parts<'a>) -> Self {
+    pub(super) fn new(i: usize, (u, q, (x, y, z), f, touch): Parts<'a>) -> Self {
         Self { first: i * NODES_PER_CHUNK, u, q, tangent: [x, y, z], f, touch }
     }
 
     /// All nodes of a state.
-    pub fn all(state: &'a mut Moving) -> Self {
+    pub(super) fn all(state: &'a mut Moving) -> Self {
         Self {
             first: 0,
             u: &mut state.u,
@@ -123,7 +123,7 @@ impl<'a> Nodes<'a> {
     }
 
     /// The parts of a state, one after another.
-    pub fn parts(state: &'a mut Moving) -> impl Iterator<Item = Self> {
+    pub(super) fn parts(state: &'a mut Moving) -> impl Iterator<Item = Self> {
         let chunks = |v: &'a mut [[f64; 3]]| v.chunks_mut(NODES_PER_CHUNK);
         let [x, y, z] = state.tangent.0.each_mut().map(|t| chunks(t));
         let field = chunks(&mut state.u).zip(chunks(&mut state.q)).zip(x.zip(y.zip(z)));
@@ -132,7 +132,7 @@ impl<'a> Nodes<'a> {
     }
 
     /// Adds to `sums` what the node at `l` of these, which is not free, contributes to the balance.
-    pub fn add_to(&self, sums: &mut Sums, l: usize, held: &Held<'_>, mass_factor: f64) {
+    pub(super) fn add_to(&self, sums: &mut Sums, l: usize, held: &Held<'_>, mass_factor: f64) {
         let (q, f, n) = (&self.q[l], &self.f[l], self.first + l);
         let place: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + self.u[l][k]);
         let tangent = || self.tangent.each_ref().map(|t| t[l]);
@@ -173,7 +173,7 @@ impl<'a> Nodes<'a> {
     }
 
     /// Moves the node at `l` of these, which is not free, through one step, from the force at its start.
-    pub fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
+    pub(super) fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
         let n = self.first + l;
         let path = &held.path[n];
         let share = f64::from(step) / f64::from(rule.steps);

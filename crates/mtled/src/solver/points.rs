@@ -16,7 +16,7 @@ use crate::number::{Number, Real, Vector};
 
 /// Material and how its bulk modulus is shared out.
 #[derive(Clone, Copy, Debug)]
-pub struct Constants {
+pub(super) struct Constants {
     pub law: Law,
     /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
     pub projected: f64,
@@ -30,7 +30,7 @@ pub struct Constants {
 
 /// What a point gets from the coarse nodes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Projected<N> {
+pub(super) struct Projected<N> {
     /// Pressure, Pa.
     pub pressure: N,
     /// theta^(-2/3) - 1 of [`super::mixed`]; zero without it.
@@ -39,7 +39,7 @@ pub struct Projected<N> {
 
 impl Constants {
     /// How this bulk modulus is shared out for a volume ratio.
-    pub fn new(law: &Law, volume_ratio: VolumeRatio) -> Self {
+    pub(super) fn new(law: &Law, volume_ratio: VolumeRatio) -> Self {
         let kappa = law.bulk_modulus;
         let pointwise = match volume_ratio {
             VolumeRatio::Projected | VolumeRatio::Mixed => kappa.min(POINTWISE_BULK * law.shear_modulus()),
@@ -64,12 +64,7 @@ impl Constants {
                 volumetric: Volumetric::Quadratic,
                 prony,
                 ..
-            } if prony.is_empty() => Some(NeoHookean {
-                mu: T::of(shear_modulus),
-                pointwise: T::of(self.pointwise),
-                projected: T::of(self.projected),
-                resists_collapse: self.resists_collapse,
-            }),
+            } if prony.is_empty() => Some(NeoHookean { mu: T::of(shear_modulus), volume: self.volume()? }),
             _ => None,
         }
     }
@@ -82,8 +77,7 @@ impl Constants {
     /// With c the largest singular value of cof F, a.A(N).a <= (kappa u'')c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2) for the
     /// neo-Hookean law (its mixed term is negative in principal directions); the pressure itself drops out, because det
     /// is linear along a (x) N.
-    #[must_use]
-    pub fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
+    pub(super) fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
         let cof = cofactor(f);
         let (j, lack) = clamped(determinant(f, &cof));
         let pointwise =
@@ -161,7 +155,7 @@ fn inner<T: Number>(x: &Symmetric<T>, y: &Symmetric<T>) -> T {
 }
 
 /// Energy density and stress of a group of points.
-pub trait PointLaw<T: Real> {
+pub(super) trait PointLaw<T: Real> {
     /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
     /// points of one group of a block, from their deformation gradients and what is projected.
     fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
@@ -399,7 +393,7 @@ impl<T: Real> PointLaw<T> for Relaxing<'_> {
 
 impl Relaxing<'_> {
     /// Energy density and stress of the point in one slot of the block.
-    pub fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: Projected<f64>) -> (f64, Gradient<f64>) {
+    pub(super) fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: Projected<f64>) -> (f64, Gradient<f64>) {
         let Constants { law, pointwise, resists_collapse, .. } = self.constants;
         let cof = cofactor(f);
         let j = determinant(f, &cof);

@@ -5,8 +5,8 @@ use crate::approximation::ShapeTable;
 use crate::material::Volumetric;
 use crate::number::Real;
 use crate::number::lanes::{Loop, run};
+use crate::shares::Shares;
 
-use super::block::Shares;
 use super::dilatation::Dilatation;
 use super::disjoint::{Chunks, Each, Offsets, Runs};
 use super::kernel::NODES_PER_CHUNK;
@@ -47,7 +47,7 @@ pub(super) struct ProjectionScratch<T> {
 }
 
 impl<T: Real> Projection<T> {
-    pub fn new(dilatation: &Dilatation, table: &ShapeTable, cells: &[[u32; 4]], nodes: usize) -> Self {
+    pub(super) fn new(dilatation: &Dilatation, table: &ShapeTable, cells: &[[u32; 4]], nodes: usize) -> Self {
         let entries = |a: usize| {
             let (coarse, value) = dilatation.of_node(a);
             coarse.iter().copied().zip(value.iter().copied())
@@ -76,7 +76,7 @@ impl<T: Real> Projection<T> {
     }
 
     /// Scratch memory.
-    pub fn scratch(&self, mixed: bool) -> ProjectionScratch<T> {
+    pub(super) fn scratch(&self, mixed: bool) -> ProjectionScratch<T> {
         let coarse = self.volume.len();
         let fields = |of: usize| [true, mixed].map(|there| vec![T::default(); if there { of } else { 0 }]);
         ProjectionScratch {
@@ -89,7 +89,7 @@ impl<T: Real> Projection<T> {
     }
 
     /// Energy of the projected dilations at the last evaluation, and of the distortions that see them, J.
-    pub fn energy(&self, scratch: &ProjectionScratch<T>, constants: &[Constants]) -> f64 {
+    pub(super) fn energy(&self, scratch: &ProjectionScratch<T>, constants: &[Constants]) -> f64 {
         let density = |i: usize| match &constants[usize::from(self.region[i])] {
             Constants { mixed: true, .. } => scratch.energy[i],
             Constants { projected: kappa, law, .. } if *kappa > 0.0 => {
@@ -101,7 +101,7 @@ impl<T: Real> Projection<T> {
     }
 
     /// Pressure at the nodes, Pa, from V_a (J_a - 1) of each, m^3.
-    pub fn project<'s>(
+    pub(super) fn project<'s>(
         &self,
         scratch: &'s mut ProjectionScratch<T>,
         pool: &mut Pool,
@@ -124,7 +124,7 @@ impl<T: Real> Projection<T> {
     }
 
     /// Pressure and r - 1 at the nodes where the law is [mixed](super::mixed), from V_a (J_a - 1) and V_a (I1 - 3)_a of each, m^3.
-    pub fn project_mixed<'s>(
+    pub(super) fn project_mixed<'s>(
         &self,
         scratch: &'s mut ProjectionScratch<T>,
         pool: &mut Pool,
@@ -154,12 +154,12 @@ impl<T: Real> Projection<T> {
     }
 
     /// Number of the sums of all strips, and where those of each begin.
-    pub fn runs(&self) -> &Offsets {
+    pub(super) fn runs(&self) -> &Offsets {
         &self.runs
     }
 
     /// Positions of a coarse node's sums.
-    pub fn sums_of(&self, coarse: usize) -> &[u32] {
+    pub(super) fn sums_of(&self, coarse: usize) -> &[u32] {
         self.shares.of_index(coarse)
     }
 

@@ -1,10 +1,11 @@
 //! The memory of a relaxing material in step with the poses' time.
 
+use super::explicit::Solver;
 use super::kernel::Kernel;
 use super::memory::Memory;
-use super::model::{Model, Workspace, with_kernel};
+use super::model::{Model, with_kernel};
 use super::points::Constants;
-use super::state::{Moving, State};
+use super::state::Moving;
 use crate::number::Real;
 
 impl<T: Real> Kernel<T> {
@@ -13,7 +14,7 @@ impl<T: Real> Kernel<T> {
         self.constants.iter().any(|c| !c.law.prony.is_empty())
     }
 
-    /// See [`Model::stress_relaxation`].
+    /// See [`Solver::stress_relaxation`].
     fn stress_relaxation(&self, memory: &[Memory], dt: f64) -> f64 {
         let total = memory.iter().map(|m| m.sums().total).sum::<f64>().sqrt();
         let of_region = |(region, constants): (usize, &Constants)| -> f64 {
@@ -28,62 +29,80 @@ impl<T: Real> Kernel<T> {
     }
 }
 
-impl State {
-    /// Seconds from the last commit to `time_s`; time that runs backwards stands still.
-    fn since_commit(&self, time_s: f64) -> f64 {
-        self.moving.time.map_or(0.0, |then| (time_s - then).max(0.0))
+impl Model {
+    /// Whether the material relaxes.
+    pub(super) fn relaxes(&self) -> bool {
+        with_kernel!((&self.kernel) => (k) { k.relaxes() })
     }
 }
 
-impl Model {
-    /// Whether the material relaxes.
-    #[must_use]
-    pub fn relaxes(&self) -> bool {
-        with_kernel!((&self.kernel) => (k) { k.relaxes() })
+impl Solver {
+    /// Seconds from the last commit to `time_s`; time that runs backwards stands still.
+    fn since_commit(&self, time_s: f64) -> f64 {
+        self.state.moving.time.map_or(0.0, |then| (time_s - then).max(0.0))
     }
 
     /// What relaxation will change in the distortional stress from the last commit to `time_s` if nothing moves, relative
     /// to that stress: upper bound of the root mean square over the body; 0 for an elastic material.
     #[must_use]
-    pub fn stress_relaxation(&self, state: &State, time_s: f64) -> f64 {
-        if !self.relaxes() {
+    pub fn stress_relaxation(&self, time_s: f64) -> f64 {
+        if !self.model.relaxes() {
             return 0.0;
         }
-        let dt = state.since_commit(time_s);
-        with_kernel!((&self.kernel) => (k) { k.stress_relaxation(&state.moving.memory, dt) })
+        let dt = self.since_commit(time_s);
+        with_kernel!((&self.model.kernel) => (k) { k.stress_relaxation(&self.state.moving.memory, dt) })
     }
 
     /// Lets the material relax until `time_s`: the advances that follow find the balance of that moment.
-    pub fn relax_until(&self, state: &mut State, work: &mut Workspace, time_s: f64) {
-        let dt = state.since_commit(time_s);
+    pub fn relax_until(&mut self, time_s: f64) {
+        if self.state.moving.time.is_none() {
+            self.saved.time = Some(time_s);
+        }
+        self.begin_increment(time_s);
+    }
+
+    fn begin_increment(&mut self, time_s: f64) {
+        let dt = self.since_commit(time_s);
+        let Self { model, state, work, .. } = self;
         state.moving.time.get_or_insert(time_s);
-        if self.relaxes() {
-            with_kernel!((&self.kernel) => (k) { k.begin(&mut state.moving.memory, &mut work.pool, dt) });
+        if model.relaxes() {
+            with_kernel!((&model.kernel) => (k) { k.begin(&mut state.moving.memory, &mut work.pool, dt) });
         }
     }
 
     /// The same after a return to an earlier state, with the internal force of the moment, which a step estimate needs.
-    pub fn relax_again(&self, state: &mut State, work: &mut Workspace, time_s: f64) {
-        if !self.relaxes() {
+    pub fn relax_again(&mut self, time_s: f64) {
+        if !self.model.relaxes() {
             return;
         }
-        self.relax_until(state, work, time_s);
+        self.begin_increment(time_s);
+        let Self { model, state, work, .. } = self;
         let Moving { u, f, memory, .. } = &mut state.moving;
-        with_kernel!((&self.kernel, &state.points, &mut work.scratch) => (k, points, scratch) {
+        with_kernel!((&model.kernel, &state.points, &mut work.scratch) => (k, points, scratch) {
             k.force(points, memory, scratch, &mut work.pool, u);
             k.node_forces(scratch, &mut work.pool, f);
         });
     }
 
     /// Takes the present deformation as that of `time_s`: the material remembers it.
-    pub fn commit(&self, state: &mut State, work: &mut Workspace, time_s: f64) {
-        let dt = state.since_commit(time_s);
+    pub fn commit(&mut self, time_s: f64) {
+        let dt = self.since_commit(time_s);
+        let Self { model, state, work, .. } = self;
         state.moving.time = Some(time_s);
-        if self.relaxes() {
+        if model.relaxes() {
             let memory = &mut state.moving.memory;
-            with_kernel!((&self.kernel, &state.points, &work.scratch) => (k, points, scratch) {
+            with_kernel!((&model.kernel, &state.points, &work.scratch) => (k, points, scratch) {
                 k.commit(points, memory, scratch, &mut work.pool, dt);
             });
+        }
+    }
+
+    /// Takes no step until `time_s`: what relaxes is remembered, and the present state kept to come back to, since
+    /// coming back to one from before a long rest would spread what follows over all of the rest.
+    pub fn rest(&mut self, time_s: f64) {
+        self.commit(time_s);
+        if self.model.relaxes() {
+            self.save();
         }
     }
 }

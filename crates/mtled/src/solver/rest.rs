@@ -23,7 +23,7 @@ pub(super) struct Rest {
 
 impl Rest {
     /// Of no mass yet.
-    pub fn new(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>, half: Option<&Half>) -> Self {
+    pub(super) fn new(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>, half: Option<&Half>) -> Self {
         let nodes = role.len();
         let control = Control {
             mass: vec![0.0; nodes],
@@ -43,7 +43,7 @@ impl Rest {
     }
 
     /// The same body of other materials, of no mass yet.
-    pub fn of_materials(&self, kernel: &Precise<Kernel<f32>, Kernel<f64>>, half: Option<&Half>) -> Self {
+    pub(super) fn of_materials(&self, kernel: &Precise<Kernel<f32>, Kernel<f64>>, half: Option<&Half>) -> Self {
         let (instrument, base, drag) = (self.instrument, self.base, self.drag.clone());
         Self { instrument, base, drag, ..Self::new(kernel, self.role.clone(), half) }
     }
@@ -51,8 +51,7 @@ impl Rest {
 
 impl Model {
     /// The undeformed state.
-    #[must_use]
-    pub fn undeformed(&self) -> State {
+    pub(super) fn undeformed(&self) -> State {
         let rest = &self.rest;
         let nodes = rest.role.len();
         let zero = vec![[0.0; 3]; nodes];

@@ -17,12 +17,12 @@ pub(super) struct Tip {
 
 impl Tip {
     /// How far a force moves spring and tissue together within a step, m/N.
-    pub fn give(&self) -> f64 {
+    pub(super) fn give(&self) -> f64 {
         1.0 / self.spring + self.compliance
     }
 
     /// Push at the end of a step, N, from d - c - w without it, m.
-    pub fn force(&self, gap: f64) -> f64 {
+    pub(super) fn force(&self, gap: f64) -> f64 {
         let Self { spring, stiff, limit, compliance } = *self;
         let soft = spring * gap / (1.0 + spring * compliance);
         let beyond = stiff * (gap - limit * (1.0 / spring + compliance)) / (1.0 + stiff * compliance);

@@ -57,7 +57,7 @@ impl Slip {
 
 impl Drag {
     /// Nothing slipped.
-    pub fn slip(&self) -> Slip {
+    pub(super) fn slip(&self) -> Slip {
         let (layers, rings) = (self.walls.len(), self.areas.len());
         Slip {
             at: 0.0,

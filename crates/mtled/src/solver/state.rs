@@ -1,10 +1,11 @@
 //! What changes from step to step, and what holds the nodes. Copied in one line, by `clone_from`, with no allocation.
 
 use super::adaptive_damping::AdaptiveDamping;
-use super::aside::aside;
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
-use super::drag::{Drag, End, Grip, Wall};
+use super::drag::Drag;
+#[cfg(doc)]
+use super::explicit::Solver;
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
 use super::memory::Memory;
@@ -22,11 +23,11 @@ pub enum Role {
     /// The instrument: its displacement is prescribed.
     Instrument,
     /// The instrument along z or along an oblique path; across that a spring pulls the node to its prescribed displacement
-    /// ([`State::guide`], [`State::guide_along`]).
+    /// ([`Solver::guide`], [`Solver::guide_along`]).
     Guided,
     /// Nothing, unless it meets a rigid surface. Its parameter has to be the field's value.
     Surface,
-    /// A rod along its axis, which is z, up to limits of force ([`State::grip`]); in x and y a spring as of a guided node, or a hold
+    /// A rod along its axis, which is z, up to limits of force ([`Solver::grip`]); in x and y a spring as of a guided node, or a hold
     /// where its spring is infinite.
     Dragged,
 }
@@ -56,18 +57,18 @@ pub(super) struct Path {
 impl Path {
     /// Whether it is that of a node which is guided along an oblique line.
     #[inline]
-    pub fn is_oblique(&self) -> bool {
+    pub(super) fn is_oblique(&self) -> bool {
         self.along != [0.0; 3]
     }
 
     /// Where the node shall be after a share of the advance.
     #[inline]
-    pub fn at(&self, share: f64, k: usize) -> f64 {
+    pub(super) fn at(&self, share: f64, k: usize) -> f64 {
         self.start[k] + share * (self.end[k] - self.start[k])
     }
 
     /// Where it is after a step of so many.
-    pub fn place(&self, step: u32, steps: u32) -> [f64; 3] {
+    pub(super) fn place(&self, step: u32, steps: u32) -> [f64; 3] {
         let share = f64::from(step) / f64::from(steps);
         std::array::from_fn(|k| self.at(share, k))
     }
@@ -76,7 +77,7 @@ impl Path {
 cloned_field_by_field! {
     /// State of one model: another is a branch of it. Belongs to the model that made it.
     #[derive(Debug)]
-    pub struct State {
+    pub(super) struct State {
         pub(super) moving: Moving,
         pub(super) constraints: Constraints,
         pub(super) control: Control,
@@ -90,11 +91,11 @@ pub(super) struct Tangent(pub [Vec<[f64; 3]>; 3]);
 
 impl Tangent {
     /// Of one node.
-    pub fn of(&self, n: usize) -> [[f64; 3]; 3] {
+    pub(super) fn of(&self, n: usize) -> [[f64; 3]; 3] {
         self.0.each_ref().map(|t| t[n])
     }
 
-    pub fn set(&mut self, n: usize, own: [[f64; 3]; 3]) {
+    pub(super) fn set(&mut self, n: usize, own: [[f64; 3]; 3]) {
         self.0.iter_mut().zip(own).for_each(|(all, own)| all[n] = own);
     }
 }
@@ -153,7 +154,7 @@ cloned_field_by_field! {
 
 impl Kept {
     /// Of a state.
-    pub fn of(moving: &Moving) -> Self {
+    pub(super) fn of(moving: &Moving) -> Self {
         let Moving { u, tangent, mass_factor, time, memory, offset, slip, .. } = moving;
         Self {
             u: u.clone(),
@@ -167,7 +168,7 @@ impl Kept {
     }
 
     /// Keeps another; allocates nothing.
-    pub fn keep(&mut self, moving: &Moving) {
+    pub(super) fn keep(&mut self, moving: &Moving) {
         self.u.clone_from(&moving.u);
         self.tangent.clone_from(&moving.tangent);
         self.memory.clone_from(&moving.memory);
@@ -176,7 +177,7 @@ impl Kept {
     }
 
     /// Goes back to it, at rest; forces are those of [`super::Model::recover`].
-    pub fn give_back(&self, moving: &mut Moving) {
+    pub(super) fn give_back(&self, moving: &mut Moving) {
         moving.u.clone_from(&self.u);
         moving.tangent.clone_from(&self.tangent);
         moving.memory.clone_from(&self.memory);
@@ -230,162 +231,21 @@ cloned_field_by_field! {
 
 impl Control {
     /// Whether masses and largest eigenvalue are to be brought up to date.
-    pub fn is_due(&self) -> bool {
+    pub(super) fn is_due(&self) -> bool {
         self.since_refresh >= 1.0
     }
 }
 
 impl State {
-    /// Nodal parameters, m.
-    #[must_use]
-    pub fn parameters(&self) -> &[[f64; 3]] {
-        &self.moving.u
-    }
-
-    /// What holds each node.
-    #[must_use]
-    pub fn roles(&self) -> &[Role] {
-        &self.constraints.role
-    }
-
-    /// Gives a node another role; an instrument node keeps its displacement until [`State::prescribe`] moves it.
-    pub fn set_role(&mut self, node: usize, role: Role) {
-        let u = match role {
-            Role::Dragged => aside(&self.moving.u[node], &self.constraints.drag.axis),
-            _ => self.moving.u[node],
-        };
-        self.constraints.role[node] = role;
-        self.constraints.path[node] = Path { start: u, end: u, spring: 0.0, along: [0.0; 3] };
-        self.moving.q[node] = [0.0; 3];
-    }
-
-    /// Prescribes the displacement of an instrument node at the end of the next advance, m.
-    pub fn prescribe(&mut self, node: usize, displacement: [f64; 3]) {
-        self.constraints.path[node] =
-            Path { start: self.moving.u[node], end: displacement, spring: 0.0, along: [0.0; 3] };
-    }
-
-    /// As [`State::prescribe`], for a guided node: a spring in N/m pulls it sideways to the displacement. Where the spring begins
-    /// stays, so the spring's end moves from there and not from where the node is.
-    pub fn guide(&mut self, node: usize, displacement: [f64; 3], spring: f64) {
-        let path = &mut self.constraints.path[node];
-        let [x, y, _] = path.end;
-        *path = Path { start: [x, y, self.moving.u[node][2]], end: displacement, spring, along: [0.0; 3] };
-    }
-
-    /// As [`State::guide`], of a node that is held along a unit vector and not along z; the spring pulls it across that.
-    pub fn guide_along(&mut self, node: usize, displacement: [f64; 3], spring: f64, axis: [f64; 3]) {
-        let path = &mut self.constraints.path[node];
-        let (u, end) = (&self.moving.u[node], path.end);
-        let way = super::aside::along(&std::array::from_fn(|k| u[k] - end[k]), &axis);
-        let start = std::array::from_fn(|k| end[k] + way * axis[k]);
-        *path = Path { start, end: displacement, spring, along: axis };
-    }
-
-    /// Moves the instrument's surface, if it has one, to a displacement at the end of the next advance, m.
-    pub fn move_surface(&mut self, displacement: [f64; 3]) {
-        self.constraints.way = Path { start: self.moving.offset, end: displacement, spring: 0.0, along: [0.0; 3] };
-    }
-
-    /// Says how the rod's wall goes with a layer of nodes. A wall that begins to act does so without a force.
-    pub fn grip(&mut self, layer: usize, wall: Wall) {
-        let before = &mut self.constraints.drag.walls[layer];
-        let begins = before.limit <= 0.0 && wall.limit > 0.0;
-        *before = wall;
-        if wall.grip == Grip::Free {
-            let places = self.constraints.drag.layer(layer);
-            self.moving.slip.held[places].fill(false);
-        }
-        if begins {
-            let slip = &mut self.moving.slip;
-            slip.wall[layer] = slip.at - self.constraints.drag.of_layer(layer, &self.moving.u);
-            slip.wall_floor[layer] = slip.wall[layer];
-        }
-    }
-
-    /// Says how the rod's end goes through the material.
-    pub fn set_end(&mut self, end: End) {
-        self.constraints.drag.end = end;
-    }
-
-    /// The rod's end is at a depth of the material, m.
-    pub fn place_end(&mut self, depth: f64) {
-        self.moving.slip.end.fill(depth);
-        self.moving.slip.end_floor.fill(depth);
-        self.moving.slip.began.fill(depth);
-    }
-
-    /// A stretch of time begins, that of the end's [`End::rate`].
-    pub fn begin_cut(&mut self) {
-        self.moving.slip.began.copy_from_slice(&self.moving.slip.end);
-    }
-
-    /// What was learnt of the motion is no longer true: the nodes stand, and go along with nothing.
-    pub fn forget_motion(&mut self) {
-        self.moving.q.fill([0.0; 3]);
-        self.moving.tangent.0.iter_mut().for_each(|t| t.fill([0.0; 3]));
-        self.control.motion.unlearnt = [1.0; 3];
-    }
-
-    /// Moves the rod along its axis, to a way in m at the end of the next advance.
-    pub fn drag_to(&mut self, way: f64) {
-        self.constraints.drag.way = [self.moving.slip.at, way];
-    }
-
-    /// Puts the rod to a way in m with no motion.
-    pub fn drag_from(&mut self, way: f64) {
-        self.moving.slip.at = way;
-        self.constraints.drag.way = [way; 2];
-    }
-
-    /// What slip has done so far.
-    #[must_use]
-    pub fn slip(&self) -> &Slip {
-        &self.moving.slip
-    }
-
-    /// Depth of the material that the rod's end has cut, m: the mean over its area.
-    #[must_use]
-    pub fn cut(&self) -> f64 {
-        self.constraints.drag.cut(&self.moving.slip)
-    }
-
-    /// Internal force on a node after the last step, N: what its holder exerts on the tissue.
-    #[must_use]
-    pub fn internal_force(&self, node: usize) -> [f64; 3] {
-        self.moving.f[node]
-    }
-
-    /// Mean displacement of a layer of dragged nodes along the rod's axis, m.
-    #[must_use]
-    pub fn of_layer(&self, layer: usize) -> f64 {
-        self.constraints.drag.of_layer(layer, &self.moving.u)
-    }
-
-    /// What surfaces do to each node.
-    #[must_use]
-    pub fn touches(&self) -> &[Touch] {
-        &self.moving.touch
-    }
-
     /// Angular frequency of the slowest mode, rad per step.
-    #[must_use]
-    pub fn slowest(&self) -> f64 {
+    pub(super) fn slowest(&self) -> f64 {
         self.control.slowest / self.moving.mass_factor.sqrt()
-    }
-
-    /// What of a way of the instrument, m, is along directions whose tangent motions have not been learnt yet (see `solver::step`). The tissue
-    /// does not go along with it at once: it is an impulse.
-    #[must_use]
-    pub fn unlearnt(&self, way: [f64; 3]) -> f64 {
-        let unlearnt = self.control.motion.unlearnt;
-        way.iter().zip(unlearnt).map(|(d, share)| (d * share).powi(2)).sum::<f64>().sqrt()
     }
 }
 
 impl Constraints {
     /// The surfaces that a free node may meet in a step of so many.
-    pub fn surfaces(&self, step: u32, steps: u32) -> [Option<Moved<'_>>; 2] {
+    pub(super) fn surfaces(&self, step: u32, steps: u32) -> [Option<Moved<'_>>; 2] {
         let (from, to) = (self.way.place(step - 1, steps), self.way.place(step, steps));
         [
             self.instrument.as_ref().map(|surface| Moved { surface, from, to }),

@@ -12,10 +12,12 @@
 //! travel teach next to nothing. c is critical for the slowest mode.
 
 use crate::approximation::Form;
+use crate::vector::dot;
 
 use super::aside::aside;
 use super::disjoint::Each;
-use super::inertia::{Sums, dot};
+use super::explicit::Solver;
+use super::inertia::Sums;
 use super::model::{Model, Workspace, with_kernel};
 use super::nodes::{Held, Nodes, Rule, nodes};
 use super::state::{Constraints, Control, Moving, Role, State};
@@ -66,24 +68,26 @@ pub struct Balance {
     pub strain: f64,
 }
 
-impl Model {
+impl Solver {
     /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
-    /// and step follow the deformation; between advances that is [`Model::refresh_if_due`].
+    /// and step follow the deformation; between advances that is [`Solver::refresh_if_due`].
     ///
-    /// How many steps were taken: fewer than asked for once there are no numbers left, or [`Workspace::stop_on`] ends it. Then the
+    /// How many steps were taken: fewer than asked for once there are no numbers left, or [`Solver::stop_on`] ends it. Then the
     /// balance is not finite, and the state is good for nothing but a return to an earlier one.
-    pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) -> u32 {
-        let travel = self.set_out(state, advance);
+    pub fn advance(&mut self, advance: &Advance) -> u32 {
+        self.told = None;
+        let Self { model, state, work, .. } = self;
+        let travel = model.set_out(state, advance);
         let mut first = 1;
         while first <= advance.steps {
             if first > 1 {
-                self.refresh_step(state, work);
+                model.refresh_step(state, work);
             }
             let last = advance.steps.min(first - 1 + REFRESH);
             let rule = state.rule([first, last, advance.steps], travel);
-            self.march(state, work, &rule);
+            model.march(state, work, &rule);
             first = last + 1;
-            let strain = with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
+            let strain = with_kernel!((&model.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
             if first <= advance.steps && (!strain.is_finite() || work.is_stopped()) {
                 // no further step brings numbers back: the balance says so
                 state.control.sums.fill(Sums::LOST);
@@ -94,6 +98,54 @@ impl Model {
         first - 1
     }
 
+    /// Forces and energies after the last advance.
+    #[must_use]
+    pub fn balance(&self) -> Balance {
+        let strain = match self.told {
+            Some(told) => told.energy,
+            None => with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.energy(scratch) }),
+        };
+        self.model.balance_of(&self.state, strain)
+    }
+
+    /// [`Solver::refresh_step`] if the last one is `REFRESH` advances ago, or less where the instrument has travelled far.
+    pub fn refresh_if_due(&mut self) {
+        self.leave_team();
+        if self.state.control.is_due() {
+            self.state.control.since_refresh = 0.0;
+            self.refresh_step();
+        }
+    }
+
+    /// Brings masses and step up to date: each point's own bound goes into the masses (see `solver::mass`), and one
+    /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
+    /// them. Costs 1.3 evaluations of the internal force.
+    pub fn refresh_step(&mut self) {
+        self.leave_team();
+        self.model.refresh_step(&mut self.state, &mut self.work);
+    }
+
+    /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The
+    /// central difference is stable below 2. For tests and studies: costs as many evaluations of the internal force.
+    pub fn fastest(&mut self, iterations: usize) -> f64 {
+        self.leave_team();
+        let Self { model, state, work, .. } = self;
+        let before = (state.control.probe.clone(), state.control.largest);
+        state.control.probe.clone_from(&model.rest.control.probe);
+        state.mix_motion_into_probe();
+        let mut largest = 0.0_f64;
+        for _ in 0..iterations {
+            model.probe(state, work);
+            // an estimate from below at each iteration
+            largest = largest.max(state.control.largest);
+        }
+        (state.control.probe, state.control.largest) = before;
+        model.evaluate(state, work);
+        (largest / state.moving.mass_factor).sqrt()
+    }
+}
+
+impl Model {
     /// Begins an advance; its travel per step, m.
     pub(super) fn set_out(&self, state: &mut State, advance: &Advance) -> [f64; 3] {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
@@ -103,12 +155,12 @@ impl Model {
         }
         // what a rod drags may take many steps for a small way
         let steps = if state.constraints.drag.nodes.is_empty() { 1 } else { advance.steps };
-        let of_travel = dot(&advance.travel, &advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
+        let of_travel = dot(advance.travel, advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
         let learn = LEARNING * state.slowest();
         let control = &mut state.control;
         control.since_refresh += of_travel.max(f64::from(steps) / f64::from(REFRESH));
-        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
-        let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
+        control.usual_travel = dot(travel, travel).sqrt().max(USUAL_DECAY * control.usual_travel);
+        let square = dot(travel, travel) + (FLOOR * control.usual_travel).powi(2);
         let motion = &mut control.motion;
         motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
         for k in 0..3 {
@@ -170,13 +222,7 @@ impl Model {
         }
     }
 
-    /// Forces and energies after the last advance.
-    #[must_use]
-    pub fn balance(&self, state: &State, work: &Workspace) -> Balance {
-        self.balance_of(state, with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) }))
-    }
-
-    /// The same with the strain energy of the last step, J.
+    /// Forces and energies after an advance with this strain energy, J.
     pub(super) fn balance_of(&self, state: &State, mut strain: f64) -> Balance {
         let mut sums = state.control.sums.iter().fold(state.control.dragged, |all, chunk| all + *chunk);
         if let Some(half) = &self.half {
@@ -200,18 +246,8 @@ impl Model {
         b
     }
 
-    /// [`Model::refresh_step`] if the last one is `REFRESH` advances ago, or less where the instrument has travelled far.
-    pub fn refresh_if_due(&self, state: &mut State, work: &mut Workspace) {
-        if state.control.is_due() {
-            state.control.since_refresh = 0.0;
-            self.refresh_step(state, work);
-        }
-    }
-
-    /// Brings masses and step up to date: each point's own bound goes into the masses (see `solver::mass`), and one
-    /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
-    /// them. Costs 1.3 evaluations of the internal force.
-    pub fn refresh_step(&self, state: &mut State, work: &mut Workspace) {
+    /// [`Solver::refresh_step`].
+    pub(super) fn refresh_step(&self, state: &mut State, work: &mut Workspace) {
         self.refresh_masses(state, work);
         state.mix_motion_into_probe();
         self.probe(state, work);
@@ -248,23 +284,6 @@ impl Model {
         }
         state.constraints.way.start = state.moving.offset;
         state.constraints.drag.way[0] = state.moving.slip.at;
-    }
-
-    /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The
-    /// central difference is stable below 2. For tests and studies: costs as many evaluations of the internal force.
-    pub fn fastest(&self, state: &mut State, work: &mut Workspace, iterations: usize) -> f64 {
-        let before = (state.control.probe.clone(), state.control.largest);
-        state.control.probe.clone_from(&self.rest.control.probe);
-        state.mix_motion_into_probe();
-        let mut largest = 0.0_f64;
-        for _ in 0..iterations {
-            self.probe(state, work);
-            // an estimate from below at each iteration
-            largest = largest.max(state.control.largest);
-        }
-        (state.control.probe, state.control.largest) = before;
-        self.evaluate(state, work);
-        (largest / state.moving.mass_factor).sqrt()
     }
 
     /// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.

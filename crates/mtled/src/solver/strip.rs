@@ -2,18 +2,19 @@
 
 use std::ops::Range;
 
+use super::block::ascending;
 use crate::number::{LANES, Lanes};
 use crate::number::{Number, Real};
 
 /// Fields that go through a strip together at most.
-pub const FIELDS: usize = 2;
+pub(super) const FIELDS: usize = 2;
 
 /// A run of nodes in groups of [`LANES`]; each group has the coarse nodes P that any of its nodes has.
 ///
 /// Both products read the same table in the same order. On the way to the coarse nodes each entry adds to its coarse
 /// node in its own lane; the sums of a coarse node that several runs share are then added in a fixed order.
 #[derive(Debug)]
-pub struct Strip<T> {
+pub(super) struct Strip<T> {
     nodes: Range<usize>,
     /// Global index of each local coarse node, ascending.
     coarse: Vec<u32>,
@@ -27,7 +28,7 @@ pub struct Strip<T> {
 
 /// A strip's scratch memory.
 #[derive(Debug)]
-pub struct StripScratch<T> {
+pub(super) struct StripScratch<T> {
     /// Of each local coarse node and field: sums by lane, zero between products.
     lanes: Vec<[Lanes<T>; FIELDS]>,
     /// What the coarse nodes hand on.
@@ -36,7 +37,7 @@ pub struct StripScratch<T> {
 
 impl<T: Real> StripScratch<T> {
     /// Memory for one strip.
-    pub fn new(strip: &Strip<T>) -> Self {
+    pub(super) fn new(strip: &Strip<T>) -> Self {
         let coarse = strip.coarse.len();
         Self { lanes: vec![[Lanes::default(); FIELDS]; coarse], handed: vec![[T::default(); FIELDS]; coarse] }
     }
@@ -44,17 +45,12 @@ impl<T: Real> StripScratch<T> {
 
 impl<T: Real> Strip<T> {
     /// Collects the (P, N_aP) of the nodes a; what is given twice is added.
-    pub fn new<I: Iterator<Item = (u32, f64)>>(nodes: Range<usize>, entries: impl Fn(usize) -> I) -> Self {
-        let ascending = |mut v: Vec<u32>| {
-            v.sort_unstable();
-            v.dedup();
-            v
-        };
-        let coarse = ascending(nodes.clone().flat_map(&entries).map(|e| e.0).collect());
+    pub(super) fn new<I: Iterator<Item = (u32, f64)>>(nodes: Range<usize>, entries: impl Fn(usize) -> I) -> Self {
+        let coarse = ascending(nodes.clone().flat_map(&entries).map(|e| e.0));
         let mut strip = Self { start: vec![0], local: Vec::new(), value: Vec::new(), nodes: nodes.clone(), coarse };
         for first in nodes.clone().step_by(LANES) {
             let group = first..(first + LANES).min(nodes.end);
-            let columns = ascending(group.clone().flat_map(&entries).map(|e| e.0).collect());
+            let columns = ascending(group.clone().flat_map(&entries).map(|e| e.0));
             let from = strip.value.len();
             strip.value.resize(from + columns.len(), Lanes::default());
             for (lane, a) in group.enumerate() {
@@ -70,13 +66,13 @@ impl<T: Real> Strip<T> {
     }
 
     /// Coarse nodes of this run, ascending.
-    pub fn coarse(&self) -> &[u32] {
+    pub(super) fn coarse(&self) -> &[u32] {
         &self.coarse
     }
 
     /// Sums N_aP x_a over the run's nodes, for each of its coarse nodes; N fields at once.
     #[inline(always)]
-    pub fn sum_to_coarse<const N: usize>(
+    pub(super) fn sum_to_coarse<const N: usize>(
         &self,
         scratch: &mut StripScratch<T>,
         x: impl Fn(usize) -> [T; N],
@@ -104,7 +100,12 @@ impl<T: Real> Strip<T> {
 
     /// Sums N_aP p_P over the coarse nodes, for each of the run's nodes; N fields at once.
     #[inline(always)]
-    pub fn hand_to_nodes<const N: usize>(&self, scratch: &mut StripScratch<T>, p: [&[T]; N], out: [&mut [T]; N]) {
+    pub(super) fn hand_to_nodes<const N: usize>(
+        &self,
+        scratch: &mut StripScratch<T>,
+        p: [&[T]; N],
+        out: [&mut [T]; N],
+    ) {
         let handed = &mut scratch.handed;
         for (handed, &coarse) in handed.iter_mut().zip(&self.coarse) {
             (0..N).for_each(|k| handed[k] = p[k][coarse as usize]);
@@ -134,7 +135,7 @@ impl<T: Real> Strip<T> {
     /// The first product for a number of each member of a team, with the same bits: x of all nodes; `lanes`: memory that is zero, of as many
     /// entries as there are coarse nodes here.
     #[inline(always)]
-    pub fn sum_members(&self, x: &[Lanes<T>], lanes: &mut [[Lanes<T>; LANES]], sums: &mut [Lanes<T>]) {
+    pub(super) fn sum_members(&self, x: &[Lanes<T>], lanes: &mut [[Lanes<T>; LANES]], sums: &mut [Lanes<T>]) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
             let here = &x[first..(first + LANES).min(self.nodes.end)];
             let range = self.start[group] as usize..self.start[group + 1] as usize;
@@ -152,7 +153,7 @@ impl<T: Real> Strip<T> {
 
     /// The second product likewise: p of all coarse nodes, to x of the run's nodes.
     #[inline(always)]
-    pub fn hand_to_members(&self, p: &[Lanes<T>], x: &mut [Lanes<T>]) {
+    pub(super) fn hand_to_members(&self, p: &[Lanes<T>], x: &mut [Lanes<T>]) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
             let mut sums = [[Lanes::default(); LANES]; 2];
             let range = self.start[group] as usize..self.start[group + 1] as usize;

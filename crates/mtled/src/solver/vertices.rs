@@ -5,7 +5,7 @@
 
 /// Vertices of a body: the nodes, and after them further copies of those on interfaces.
 #[derive(Clone, Debug)]
-pub struct Vertices {
+pub(super) struct Vertices {
     /// Cells by their vertices.
     pub cells: Vec<[u32; 4]>,
     /// Node of each vertex.
@@ -16,8 +16,7 @@ pub struct Vertices {
 
 impl Vertices {
     /// Vertices of cells among so many nodes. `region` of each cell; empty: one region.
-    #[must_use]
-    pub fn new(cells: &[[u32; 4]], region: &[u8], nodes: usize) -> Self {
+    pub(super) fn new(cells: &[[u32; 4]], region: &[u8], nodes: usize) -> Self {
         let mut own: Vec<(u32, u8)> = cells.iter().zip(region).flat_map(|(c, &r)| c.map(|n| (n, r))).collect();
         own.sort_unstable();
         own.dedup();
@@ -44,8 +43,7 @@ impl Vertices {
     }
 
     /// Places of the vertices, m.
-    #[must_use]
-    pub fn places(&self, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    pub(super) fn places(&self, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         self.node.iter().map(|&n| points[n as usize]).collect()
     }
 }

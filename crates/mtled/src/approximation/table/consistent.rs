@@ -27,6 +27,7 @@ use super::{Approximation, ShapeTable};
 use crate::approximation::error::ApproximationError;
 use crate::approximation::mls::{Basis, cholesky, solve};
 use crate::mirror::Mirror;
+use crate::vector::{self, cross, sub};
 
 /// A vector in space, or three right sides.
 type V = [f64; 3];
@@ -52,7 +53,7 @@ impl Approximation {
         };
         let mut missing = self.surface_integrals(tied, basis)?;
         for g in 0..table.volume.len() {
-            for e in entries(&table, g) {
+            for e in table.entries(g) {
                 let left = &mut missing[table.nodes[e] as usize];
                 (0..3).for_each(|k| left[k] -= table.volume[g] * table.gradient[e][k]);
             }
@@ -121,10 +122,8 @@ impl Approximation {
 
     fn outward(&self, (_, region, face, inner): &([u32; 3], u8, [u32; 3], u32)) -> ([u32; 3], u8, V) {
         let [a, b, c] = face.map(|n| self.points[n as usize]);
-        let from = |p: V| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
-        let (u, v, w) = (from(b), from(c), from(self.points[*inner as usize]));
-        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let inward: f64 = (0..3).map(|k| normal[k] * w[k]).sum();
+        let normal = cross(sub(b, a), sub(c, a));
+        let inward = vector::dot(normal, sub(self.points[*inner as usize], a));
         (*face, *region, normal.map(|n| if inward > 0.0 { -0.5 * n } else { 0.5 * n }))
     }
 }
@@ -136,10 +135,6 @@ fn face_points() -> impl Iterator<Item = (V, f64)> {
         .flat_map(|(a, weight)| {
             (0..3).map(move |c| (std::array::from_fn(|k| if k == c { 1.0 - 2.0 * a } else { a }), weight))
         })
-}
-
-fn entries(table: &ShapeTable, point: usize) -> std::ops::Range<usize> {
-    table.start[point] as usize..table.start[point + 1] as usize
 }
 
 /// What a body's symmetry makes of vectors of all entries, and of those of nodes alone.
@@ -187,7 +182,7 @@ struct Fits<'a> {
 impl<'a> Fits<'a> {
     fn new(table: &'a ShapeTable, places: &'a [V], symmetry: &'a Symmetry) -> Self {
         let of = |g: usize| {
-            let nodes = &table.nodes[entries(table, g)];
+            let nodes = &table.nodes[table.entries(g)];
             let count = nodes.len() as f64;
             let mean = |f: &dyn Fn(V) -> f64| nodes.iter().map(|&n| f(places[n as usize])).sum::<f64>() / count;
             let centre = [mean(&|x| x[0]), mean(&|x| x[1]), mean(&|x| x[2])];
@@ -209,7 +204,7 @@ impl<'a> Fits<'a> {
         let points = block * BLOCK..((block + 1) * BLOCK).min(self.table.volume.len());
         let mut d = Vec::new();
         for g in points {
-            let nodes = &self.table.nodes[entries(self.table, g)];
+            let nodes = &self.table.nodes[self.table.entries(g)];
             let (centre, scale, Some(factor)) = &self.moments[g] else {
                 d.resize(d.len() + nodes.len(), [0.0; 3]);
                 continue;
@@ -237,7 +232,7 @@ impl<'a> Fits<'a> {
         let mut sum = vec![[0.0; 3]; self.places.len()];
         let d = self.blocks(&self.symmetry.unfolded(beta)).into_iter().flatten();
         let volumes =
-            (0..self.table.volume.len()).flat_map(|g| entries(self.table, g).map(move |_| self.table.volume[g]));
+            (0..self.table.volume.len()).flat_map(|g| self.table.entries(g).map(move |_| self.table.volume[g]));
         for ((n, d), volume) in self.table.nodes.iter().zip(d).zip(volumes) {
             (0..3).for_each(|k| sum[*n as usize][k] += volume * d[k]);
         }
@@ -249,7 +244,7 @@ impl<'a> Fits<'a> {
     fn solved(&self, mut residual: Vec<V>) -> Result<Vec<V>, usize> {
         let mut weight = vec![0.0; residual.len()];
         for g in 0..self.table.volume.len() {
-            for &n in &self.table.nodes[entries(self.table, g)] {
+            for &n in &self.table.nodes[self.table.entries(g)] {
                 let node = n as usize % residual.len();
                 weight[node] += self.table.volume[g];
             }
@@ -291,5 +286,5 @@ fn monomials(x: V, centre: V, scale: f64) -> [f64; 4] {
 }
 
 fn dot(a: &[V], b: &[V]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (0..3).map(|k| a[k] * b[k]).sum::<f64>()).sum()
+    a.iter().zip(b).map(|(a, b)| vector::dot(*a, *b)).sum()
 }

@@ -1,8 +1,9 @@
 //! Moves the free nodes of a half plane: apart while it is filled, and to where their triangles are well shaped.
 
 use super::{CLEARANCE, Nodes, Plane, REFRESH, RELAXATIONS};
+use crate::cloud::packing::pushed;
 use crate::cloud::triangulate::orient;
-use crate::cloud::vector::{Point, add, norm, scale, sub};
+use crate::cloud::vector::{Point, add, scale};
 
 impl Plane<'_> {
     /// Short-range forces between neighbours, as in [`crate::cloud::packing`].
@@ -34,18 +35,7 @@ impl Plane<'_> {
 
     fn relaxed(&self, points: &[Point], spacings: &[f64], i: usize, near: &[u32]) -> Point {
         let (p, h) = (points[i], spacings[i]);
-        let mut force = [0.0; 3];
-        for &j in near {
-            let d = sub(p, points[j as usize]);
-            let length = norm(d);
-            let w = 2.0 * length / (h + spacings[j as usize]);
-            if w < 1.5 {
-                let f = 1.125 + w * w * (1.25 * w - 2.375);
-                force = add(force, scale(d, f / length));
-            }
-        }
-        let step = norm(force).max(1.0);
-        let q = add(p, scale(force, 0.2 * h / step));
+        let q = pushed(p, h, near.iter().map(|&j| (points[j as usize], spacings[j as usize])));
         if self.room(q) < CLEARANCE * self.h(q) || self.reserved(q) { p } else { q }
     }
 

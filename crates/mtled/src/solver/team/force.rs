@@ -20,14 +20,14 @@ use crate::number::{Number, Real};
 
 /// What the members of a team have in common: the points of each block.
 #[derive(Debug)]
-pub struct Common<T: Real> {
+pub(super) struct Common<T: Real> {
     tables: Arc<Tables<T>>,
     points: Vec<PointTable<T>>,
 }
 
 /// Laws of the members, and the memory of an evaluation.
 #[derive(Debug)]
-pub struct Lockstep<T: Real> {
+pub(super) struct Lockstep<T: Real> {
     common: Arc<Common<T>>,
     laws: Vec<OfRegion<T>>,
     /// At which of its changes a member's shares of the points were taken over.
@@ -107,14 +107,14 @@ fn of_regions<T: Real>(kernels: &[&Kernel<T>]) -> Option<Vec<OfRegion<T>>> {
 
 impl<T: Real> Common<T> {
     /// The point tables of a kernel.
-    pub fn new(kernel: &Kernel<T>) -> Self {
+    pub(super) fn new(kernel: &Kernel<T>) -> Self {
         Self { tables: Arc::clone(&kernel.tables), points: kernel.blocks().iter().map(PointTable::new).collect() }
     }
 }
 
 impl<T: Real> Lockstep<T> {
     /// Of up to eight kernels on one set of tables; `None` where they aren't, or where a law has no team.
-    pub fn new(kernels: &[&Kernel<T>], common: Option<Arc<Common<T>>>) -> Option<Self> {
+    pub(super) fn new(kernels: &[&Kernel<T>], common: Option<Arc<Common<T>>>) -> Option<Self> {
         let first = kernels.first()?;
         let common = common.filter(|c| Arc::ptr_eq(&c.tables, &first.tables));
         let alike = kernels.len() <= LANES && kernels.iter().all(|k| Arc::ptr_eq(&k.tables, &first.tables));
@@ -152,12 +152,12 @@ impl<T: Real> Lockstep<T> {
     }
 
     /// What further teams of the same cloud can share.
-    pub fn common(&self) -> &Arc<Common<T>> {
+    pub(super) fn common(&self) -> &Arc<Common<T>> {
         &self.common
     }
 
     /// Takes over which share of each point is tissue to a member.
-    pub fn set_active(&mut self, member: usize, points: &Points<T>) {
+    pub(super) fn set_active(&mut self, member: usize, points: &Points<T>) {
         let Self { common, active, seen, .. } = self;
         if let Some(changed) = seen[member].replace(points.changes).and_then(|before| points.since(before)) {
             for point in changed {
@@ -177,24 +177,24 @@ impl<T: Real> Lockstep<T> {
     }
 
     /// Smallest volume ratio of a member's points at the last evaluation.
-    pub fn min_jacobian(&self, member: usize) -> f64 {
+    pub(super) fn min_jacobian(&self, member: usize) -> f64 {
         self.min_jacobian.0[member].get()
     }
 
     /// Strain energy of a member at the last evaluation, J.
-    pub fn energy(&self, member: usize) -> f64 {
+    pub(super) fn energy(&self, member: usize) -> f64 {
         self.energy.iter().map(|e| e.0[member].get()).sum::<f64>() + self.projection.energy.0[member]
     }
 
     /// First half of an evaluation, for each member's nodal parameters, m: deformation gradients, and pressures.
-    pub fn deform(&mut self, u: &[&[[f64; 3]]; LANES]) {
+    pub(super) fn deform(&mut self, u: &[&[[f64; 3]]; LANES]) {
         self.gather(u);
         let Self { common, sums, coarse, projection, .. } = self;
         projection.project(&common.tables.projection, sums, coarse);
     }
 
     /// Second half: internal force of each member, N.
-    pub fn force(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+    pub(super) fn force(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
         let common = Arc::clone(&self.common);
         for (b, block) in common.tables.blocks.iter().enumerate() {
             self.load_coarse(b);
@@ -205,7 +205,7 @@ impl<T: Real> Lockstep<T> {
     }
 
     /// Shares of the masses, over s, at the last evaluation, in the first component of `f`.
-    pub fn bound(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+    pub(super) fn bound(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
         for b in 0..self.common.points.len() {
             self.load_coarse(b);
             let block = &self.common.tables.blocks[b];

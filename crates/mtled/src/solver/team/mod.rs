@@ -152,7 +152,7 @@ impl Team {
         self.holds = members.each_ref().map(Option::is_some);
     }
 
-    /// [`Model::refresh_step`] of those that are due.
+    /// [`Solver::refresh_step`] of those that are due.
     fn refresh(&mut self, members: &mut Members<'_>, due: &[bool; LANES]) {
         if *due == [false; LANES] {
             return;

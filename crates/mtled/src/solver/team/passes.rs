@@ -20,16 +20,16 @@ const LINE: usize = 64;
 const AHEAD: usize = 2048;
 
 /// A number of each member at each of a vector's components.
-pub type Vectors<T> = [Lanes<T>; 3];
+pub(super) type Vectors<T> = [Lanes<T>; 3];
 
 /// Components of a node's vector that the passes keep: x and z of a half plane, where y is zero. What they keep fills the first cache
 /// several times over.
-pub const fn dimensions(axisymmetric: bool) -> usize {
+pub(super) const fn dimensions(axisymmetric: bool) -> usize {
     if axisymmetric { 2 } else { 3 }
 }
 
 /// Components of a deformation gradient that are kept, of what [`is_there`].
-pub const fn components(axisymmetric: bool) -> usize {
+pub(super) const fn components(axisymmetric: bool) -> usize {
     if axisymmetric { 5 } else { 9 }
 }
 
@@ -40,7 +40,7 @@ const fn place<const AXISYMMETRIC: bool>(k: usize) -> usize {
 
 /// The laws of eight members in one region.
 #[derive(Clone, Copy, Debug)]
-pub struct Laws<L>(pub [L; LANES]);
+pub(super) struct Laws<L>(pub [L; LANES]);
 
 /// What a point gets from the coarse nodes: means over the corners of its cell.
 #[inline(always)]
@@ -64,7 +64,7 @@ fn mean_of_corners<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(vertices: &[
 }
 
 /// The loop over points of pass 1.
-pub struct Deform<'a, T: Real, const AXISYMMETRIC: bool> {
+pub(super) struct Deform<'a, T: Real, const AXISYMMETRIC: bool> {
     pub table: &'a PointTable<T>,
     pub active: &'a [Lanes<T>],
     /// Of each node, its [`dimensions`].
@@ -130,7 +130,7 @@ fn share_out<T: Real, V: Vector<T>>(sums: &mut [Lanes<T>], corners: &[u16], shar
 }
 
 /// The loop over points of pass 2.
-pub struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool> {
+pub(super) struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool> {
     pub table: &'a PointTable<T>,
     pub laws: &'a Laws<L>,
     pub active: &'a [Lanes<T>],
@@ -184,7 +184,7 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T,
 }
 
 /// The loop over points of the bounds (see [`super::super::mass`]).
-pub struct Bound<'a, T: Real, L, const AXISYMMETRIC: bool> {
+pub(super) struct Bound<'a, T: Real, L, const AXISYMMETRIC: bool> {
     pub table: &'a PointTable<T>,
     pub laws: &'a Laws<L>,
     /// As those of [`Stress`].

@@ -18,7 +18,7 @@ struct Region {
 
 /// Memory of a projection.
 #[derive(Debug)]
-pub struct Projected<T> {
+pub(super) struct Projected<T> {
     regions: Vec<Region>,
     /// Sums of the strips, and what the coarse nodes hand on, as [`super::super::projection::ProjectionScratch`] has them; the second field is
     /// empty where the law is not [mixed](super::super::mixed).
@@ -32,7 +32,7 @@ pub struct Projected<T> {
 
 impl<T: Real> Projected<T> {
     /// For members with their constants by region; a place beyond the last has the last one's.
-    pub fn new(of: &Projection<T>, constants: &[Vec<Constants>], mixed: bool) -> Self {
+    pub(super) fn new(of: &Projection<T>, constants: &[Vec<Constants>], mixed: bool) -> Self {
         let last = constants.len() - 1;
         let region = |r: usize| {
             let of = |f: fn(&Constants) -> f64| Lanes(std::array::from_fn(|k| f(&constants[k.min(last)][r])));
@@ -49,7 +49,7 @@ impl<T: Real> Projected<T> {
     }
 
     /// What the coarse nodes hand on, at the vertices (`out`), from what is there.
-    pub fn project(
+    pub(super) fn project(
         &mut self,
         of: &Projection<T>,
         at_vertices: &[Vec<Lanes<T>>; FIELDS],

@@ -8,7 +8,7 @@ use crate::number::{LANES, Lanes, Real};
 
 /// One block's points in the order of their slots.
 #[derive(Debug)]
-pub struct PointTable<T> {
+pub(super) struct PointTable<T> {
     /// Offsets into `local` and `gradient`, one more than points.
     pub start: Vec<u32>,
     /// Index of each node among those of the block.
@@ -26,7 +26,7 @@ pub struct PointTable<T> {
 
 impl<T: Real> PointTable<T> {
     /// The points of a block.
-    pub fn new(block: &Block<T>) -> Self {
+    pub(super) fn new(block: &Block<T>) -> Self {
         let of = |lanes: &[Lanes<T>], slot: usize| lanes[slot / LANES].0[slot % LANES];
         let slots: Vec<usize> = block.occupied().map(|(slot, _)| slot).collect();
         let mut table = Self {
@@ -52,19 +52,19 @@ impl<T: Real> PointTable<T> {
     }
 
     /// Number of points.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.volume.len()
     }
 
     /// Lane of a point's group in which it stands.
     #[inline(always)]
-    pub fn lane(&self, point: usize) -> usize {
+    pub(super) fn lane(&self, point: usize) -> usize {
         self.slot[point] as usize % LANES
     }
 
     /// Where a point's nodes stand.
     #[inline(always)]
-    pub fn visits(&self, point: usize) -> std::ops::Range<usize> {
+    pub(super) fn visits(&self, point: usize) -> std::ops::Range<usize> {
         self.start[point] as usize..self.start[point + 1] as usize
     }
 }

@@ -1,14 +1,15 @@
 //! Members' own fields into the lanes and back.
 
-use super::super::block::{Block, Shares};
+use super::super::block::Block;
 use super::passes::Vectors;
 use crate::approximation::Form;
 use crate::mirror::Mirror;
 use crate::number::Real;
 use crate::number::lanes::{LANES, Lanes, Loop};
+use crate::shares::Shares;
 
 /// Displacements of a block's nodes and images, relative to its first node as in [`Block::deform`].
-pub struct Load<'a, T: Real> {
+pub(super) struct Load<'a, T: Real> {
     pub block: &'a Block<T>,
     pub from: &'a [&'a [[f64; 3]]; LANES],
     /// Of each node, its [`dimensions`](super::passes::dimensions).
@@ -80,7 +81,7 @@ fn gathered(from: &[&[[f64; 3]]; LANES], n: u32) -> Vectors<f64> {
 }
 
 /// Adds up what the lanes of the groups have added to each node, and leaves zero in them.
-pub struct SumLanes<'a, T: Real, const D: usize> {
+pub(super) struct SumLanes<'a, T: Real, const D: usize> {
     /// Of each node and lane, its [`dimensions`](super::passes::dimensions).
     pub from: &'a mut [Lanes<T>],
     pub to: &'a mut [Vectors<T>],
@@ -104,7 +105,7 @@ impl<T: Real, const D: usize> Loop for SumLanes<'_, T, D> {
 }
 
 /// Each member's own sums over the blocks, in the order in which [`Kernel::node_force`](super::super::kernel::Kernel) has them.
-pub struct Store<'a, 'f, T: Real> {
+pub(super) struct Store<'a, 'f, T: Real> {
     pub shares: &'a Shares,
     /// Of each block on each of its nodes, block after block.
     pub from: &'a [Vectors<T>],
@@ -133,7 +134,7 @@ impl<T: Real> Loop for Store<'_, '_, T> {
 
 /// The image of each member's vector.
 #[inline(always)]
-pub fn mirrored(mirror: &Mirror, v: &Vectors<f64>) -> Vectors<f64> {
+pub(super) fn mirrored(mirror: &Mirror, v: &Vectors<f64>) -> Vectors<f64> {
     let mut out = *v;
     for k in 0..LANES {
         let image = mirror.image(&[v[0].0[k], v[1].0[k], v[2].0[k]]);

@@ -1,38 +1,66 @@
-//! Three-component vectors as plain arrays.
+//! Vectors and places in space as plain arrays.
 
+/// A vector, or a place in m.
 pub(crate) type Point = [f64; 3];
 
-#[inline]
+/// a + b.
+#[inline(always)]
 pub(crate) fn add(a: Point, b: Point) -> Point {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
-#[inline]
+
+/// a - b.
+#[inline(always)]
 pub(crate) fn sub(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
-#[inline]
+
+/// s a.
+#[inline(always)]
 pub(crate) fn scale(a: Point, s: f64) -> Point {
     [a[0] * s, a[1] * s, a[2] * s]
 }
-#[inline]
+
+/// a . b.
+#[inline(always)]
 pub(crate) fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
-#[inline]
+
+/// a x b.
+#[inline(always)]
 pub(crate) fn cross(a: Point, b: Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
+
+/// |a|.
 #[inline]
 pub(crate) fn norm(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
+
+/// a + t (b - a). Where both ends have the same digits, so has all between: a node is on an edge exactly or not at all.
+#[inline]
+pub(crate) fn between(a: Point, b: Point, t: f64) -> Point {
+    [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) })
+}
+
+/// Lowest and highest coordinates of all points.
+pub(crate) fn bounds(points: &[Point]) -> [Point; 2] {
+    let all = |k: usize, pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
+    [[0, 1, 2].map(|k| all(k, f64::min, f64::INFINITY)), [0, 1, 2].map(|k| all(k, f64::max, f64::NEG_INFINITY))]
+}
+
 /// √(x² + y²); lengths of a body are far from overflow, and `hypot` is slow.
 #[inline]
 pub(crate) fn length2(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
+
+/// |a - b|.
 #[inline]
-pub(crate) fn distance(a: Point, b: Point) -> f64 {
+#[must_use]
+pub fn distance(a: Point, b: Point) -> f64 {
     norm(sub(a, b))
 }
 
