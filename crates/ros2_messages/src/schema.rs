@@ -154,7 +154,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/ForceComparison",
         include_str!("../msg/ForceComparison.msg"),
-        "RIHS01_a0bd8ab6ea4ecf1f6336076dccaa1104de18c3887b0631f925e75b0a8e6c8373",
+        "RIHS01_8f27b8dece519aca8ded0e6649b1361805d899ba91b5c295aa0388439a0600b5",
     ),
     definition(
         "needle_twin/TwinStatus",

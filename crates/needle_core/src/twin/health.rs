@@ -32,7 +32,7 @@ impl Health {
     pub const MEAN_IMBALANCE: f64 = 1.0;
     /// The same of the estimated error of the model, as a root mean square: the estimate is up to twelve times too wide
     /// (`docs/lab/model_error.md`).
-    pub const MOST_ERROR: f64 = 4.0;
+    pub const MOST_ERROR: f64 = 10.0;
     /// Share of the strain energy in folded cells from which on the cloud does not resolve the tissue: the force is off by some half of
     /// it, and by more where a soft layer is crushed (docs/lab/stability.md).
     pub const MOST_FOLDED: f64 = 0.05;

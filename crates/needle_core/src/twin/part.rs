@@ -55,7 +55,7 @@ impl Twin {
         self.happened.begin();
         let way = self.way(&tip).in_strides(stride_m);
         self.time(pose.time_s, &tip, way.moves());
-        let most = self.most_of(way.strides().min(strides));
+        let most = self.most_of(way.strides());
         for (made, between) in (0..).zip(way.places()) {
             if made == strides {
                 return Ok(Part::Left(way.strides().saturating_sub(made)));

@@ -106,9 +106,10 @@ impl Twin {
         }
     }
 
-    /// Most steps for a way in so many strides: those of a pose, and a jump, which has more strides than any pose, counts as several.
+    /// Most steps for a way in so many strides: those of a pose. A jump, which has more strides than any pose, is worth as many for each.
     pub(super) fn most_of(&self, strides: u32) -> u32 {
-        self.progress.pace.most().saturating_mul(strides.div_ceil(pierce::STRIDES).max(1))
+        let poses = if strides > pierce::STRIDES { strides } else { 1 };
+        self.progress.pace.most().saturating_mul(poses)
     }
 
     /// Takes the tissue to a place at once, in `most` steps or one.

@@ -283,7 +283,8 @@ fn generated_grids_have_the_force_of_the_half_plane_up_to_incompressibility() {
             ("discretisation.edge_refinement", "0.3"),
             ("discretisation.dimension", "full"),
         ];
-        let (plane, _) = pressed(&scene(&[]));
+        // at 0.4999 and 10 mm/s its force swings by 6 % with the steps that it takes by itself
+        let (plane, _) = pressed(&scene(&[("stepping.tolerance", "0.001")]));
         let (grid, points) = pressed(&scene(&[&coarse[..], &[HEXAHEDRA]].concat()));
         let off = grid / plane - 1.0;
         println!("nu {nu}: {points} points, {:+.2} % of the half plane", 100.0 * off);

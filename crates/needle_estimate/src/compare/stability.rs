@@ -88,7 +88,7 @@ impl Run {
                 unit: "",
                 holds: error < Health::MOST_ERROR * self.accuracy,
                 bound: format!("below {:.3}", Health::MOST_ERROR * self.accuracy),
-                about: "Estimated error of cloud and steps over the peak force, up to twelve times too wide; the bound is 4 times the accuracy.",
+                about: "Estimated error of cloud and steps over the peak force, up to twelve times too wide; the bound is 10 times the accuracy.",
                 remedy: "the cloud does not resolve the tissue: a smaller accuracy",
             },
             StabilityRow {
