@@ -55,16 +55,15 @@ impl Twin {
         self.happened.begin();
         let way = self.way(&tip).in_strides(stride_m);
         self.time(pose.time_s, &tip, way.moves());
-        let most = self.most_of(way.strides());
+        // a jump in parts: its strides are long, and each is worth the steps of a pose
+        let most = self.progress.pace.most();
         for (made, between) in (0..).zip(way.places()) {
             if made == strides {
                 return Ok(Part::Left(way.strides().saturating_sub(made)));
             }
-            let kept = way.strides().min(strides).saturating_sub(made);
-            steps =
-                steps.saturating_add(self.go(pose, between, most.saturating_sub(steps.saturating_add(kept)))?.steps);
+            steps = steps.saturating_add(self.go(pose, between, most)?.steps);
         }
-        let last = self.go(pose, tip, most.saturating_sub(steps))?;
+        let last = self.go(pose, tip, most)?;
         Ok(Part::There(Prediction { steps: steps.saturating_add(last.steps), event: self.happened.first(), ..last }))
     }
 }
