@@ -111,7 +111,7 @@ impl AxisymmetricApproximation {
         }
     }
 
-    /// Ends supports at the interfaces between regions, `region` being that of each triangle (see [`super::regions`]).
+    /// Ends supports at the interfaces between regions, `region` being that of each triangle (see `super::regions`).
     #[must_use]
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.triangles, region);
@@ -157,7 +157,7 @@ impl AxisymmetricApproximation {
         repair::repaired(self, also)
     }
 
-    /// The table without the support nodes that fewer than so many of eight points beside each other have (see [`super::pruned`]).
+    /// The table without the support nodes that fewer than so many of eight points beside each other have (see `super::pruned`).
     #[must_use]
     pub fn pruned(&self, table: ShapeTable, least: u32) -> ShapeTable {
         let cells: Vec<[u32; 4]> = self.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();

@@ -1,5 +1,5 @@
 //! Support domains: a point x uses node j if |x - x_j| < 0.95 r_j, the radius r_j of the weight belonging to the node
-//! (ExplicitSim's rule, but for the [`REACH`]).
+//! (ExplicitSim's rule, but for the `REACH`).
 
 use super::mls::Neighbour;
 use super::weight;

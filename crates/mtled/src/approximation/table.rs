@@ -41,7 +41,7 @@ pub enum Form {
     /// A field in space.
     #[default]
     Full,
-    /// A field in space that is symmetric about a plane, by the half on one side of it (see [`super::mirrored`]): entry `nodes + j` is the
+    /// A field in space that is symmetric about a plane, by the half on one side of it (see `super::mirrored`): entry `nodes + j` is the
     /// image of node j.
     Mirrored(Mirror),
     /// A field with symmetry of revolution, by its half plane (see [`super::axisymmetric`]): y holds the hoop strain,
@@ -177,7 +177,7 @@ impl Approximation {
         self
     }
 
-    /// Ends supports at the interfaces between regions, `region` being that of each cell (see [`super::regions`]).
+    /// Ends supports at the interfaces between regions, `region` being that of each cell (see `super::regions`).
     #[must_use]
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.cells, region);
@@ -229,7 +229,7 @@ impl Approximation {
         repair::repaired(self, also)
     }
 
-    /// The table without the support nodes that fewer than so many of eight points beside each other have (see [`super::pruned`]).
+    /// The table without the support nodes that fewer than so many of eight points beside each other have (see `super::pruned`).
     #[must_use]
     pub fn pruned(&self, table: ShapeTable, least: u32) -> ShapeTable {
         match self.settings.basis {

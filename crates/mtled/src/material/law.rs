@@ -15,11 +15,11 @@ pub enum Distortional {
     },
     /// [`super::ogden`].
     Ogden(Ogden),
-    /// [`super::mooney_rivlin`].
+    /// `super::mooney_rivlin`.
     MooneyRivlin(MooneyRivlin),
-    /// [`super::yeoh`].
+    /// `super::yeoh`.
     Yeoh(Yeoh),
-    /// [`super::veronda_westmann`].
+    /// `super::veronda_westmann`.
     VerondaWestmann(VerondaWestmann),
 }
 

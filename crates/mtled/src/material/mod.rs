@@ -1,7 +1,7 @@
 //! Stress from deformation: energy density and first Piola-Kirchhoff stress, one file per law.
 //!
-//! A material is a distortional law ([`neo_hookean`], [`ogden`], [`mooney_rivlin`], [`yeoh`], [`veronda_westmann`]), a
-//! [`volumetric`] energy and, if it relaxes, a [`prony`] series; [`Law`] puts them together. Everything is a function of the deformation gradient, row-major.
+//! A material is a distortional law ([`neo_hookean`], [`ogden`], `mooney_rivlin`, `yeoh`, `veronda_westmann`), a
+//! `volumetric` energy and, if it relaxes, a [`prony`] series; [`Law`] puts them together. Everything is a function of the deformation gradient, row-major.
 
 pub(crate) mod invariants;
 mod law;

@@ -6,9 +6,9 @@
 //! ```
 //!
 //! The volumetric pressure p is an argument of its own, because the cure for volumetric locking computes it from
-//! an averaged volume ratio, and because there are other energies of volume ([`super::volumetric`]).
+//! an averaged volume ratio, and because there are other energies of volume (`super::volumetric`).
 //!
-//! Below J_m = [`MIN_JACOBIAN`] the energy goes on along its tangent in J, with J^-2/3 replaced by
+//! Below J_m = `MIN_JACOBIAN` the energy goes on along its tangent in J, with J^-2/3 replaced by
 //!
 //! ```text
 //! phi(J) = J_m^-2/3 (1 + 2/3 (J_m - J) / J_m)        P = mu phi(J) F + (p - mu J_m^-5/3 I1/3) cof F

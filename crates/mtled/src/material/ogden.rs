@@ -9,7 +9,7 @@
 //! The sum of mu_k is the initial shear modulus; one term with exponent 2 is the neo-Hookean law. Where a source writes
 //! W = sum mu_k/a_k (...), its mu_k are these times 2/a_k.
 //!
-//! Below J_m ([`MIN_JACOBIAN`]) W goes on along its tangent in J: mu_k becomes mu_k (1 + a_k (J_m - J) / (3 J_m)) in
+//! Below J_m (`MIN_JACOBIAN`) W goes on along its tangent in J: mu_k becomes mu_k (1 + a_k (J_m - J) / (3 J_m)) in
 //! G F, and W gains tr(G b) (J_m - J) / (3 J_m), all with J_m for J.
 //!
 //! P needs no eigenvectors: the matrix function G is Newton's interpolation polynomial of g at the eigenvalues of b.

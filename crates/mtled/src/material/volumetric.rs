@@ -18,7 +18,7 @@ pub enum Volumetric {
     /// `quadratic`: kappa/2 (J - 1)^2.
     #[default]
     Quadratic,
-    /// `logarithmic`: kappa/2 ((J^2 - 1)/2 - ln J). Below [`MIN_JACOBIAN`] it goes on as a parabola with the same
+    /// `logarithmic`: kappa/2 ((J^2 - 1)/2 - ln J). Below `MIN_JACOBIAN` it goes on as a parabola with the same
     /// value, slope and curvature (some 1250 kappa), so that an inverted point is pushed back by a finite force.
     Logarithmic,
 }

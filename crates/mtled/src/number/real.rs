@@ -73,7 +73,7 @@ pub trait Real: Number + PartialOrd + Send + Sync + 'static {
     fn sum_and_clear(lanes: &mut [[Lanes<Self>; 3]], sums: &mut [[Self; 3]]) {
         lanes::sum_and_clear(lanes, sums);
     }
-    /// Runs a pass (see [`super::vector`]).
+    /// Runs a pass (see `super::vector`).
     fn run_pass(pass: impl Pass<Self>) {
         lanes::run(Portable(pass, PhantomData::<Self>));
     }

@@ -13,7 +13,7 @@ use super::slip::Slip;
 use super::state::{Kept, Moving, Path, Role, State};
 use super::work::StepWork;
 
-/// Explicit solver of one body: a shared [`Model`], a [`State`], a [`Workspace`], and a state to come back to.
+/// Explicit solver of one body: a shared [`Model`], a `State`, a `Workspace`, and a state to come back to.
 #[derive(Debug)]
 pub struct Solver {
     pub(super) model: Arc<Model>,

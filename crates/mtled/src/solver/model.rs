@@ -70,7 +70,7 @@ macro_rules! with_kernel {
 }
 pub(super) use with_kernel;
 
-/// What never changes about a discretised body. Shared by any number of [`State`]s.
+/// What never changes about a discretised body. Shared by any number of `State`s.
 #[derive(Debug)]
 pub struct Model {
     pub(super) kernel: Precise<Kernel<f32>, Kernel<f64>>,
