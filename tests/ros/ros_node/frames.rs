@@ -50,7 +50,7 @@ fn the_tip_goes_with_the_poses_and_the_load_cell_with_the_tip() {
     let [(parent, child, shift, turn)] = &transforms(&json!([moved["message"]]))[..] else { panic!("{moved}") };
     assert_eq!((parent.as_str(), child.as_str(), turn), ("or1/sample", "or1/needle_tip", &[1.0, 0.0, 0.0, 0.0]));
     assert!(shift[..2] == [0.0; 2] && (shift[2] - (0.017 - 199e-6)).abs() < 1e-12, "{shift:?}");
-    // who comes late is told what stands still
+    // a late subscriber gets what stands still
     peer.ask(json!({"op": "subscribe", "topic": "/tf_static", "type": TF, "qos": "latched"}));
     let fixed = peer.ask(json!({"op": "take", "topic": "/tf_static", "timeout": 10.0}))["messages"].clone();
     let upright = [0.0, 0.0, 0.0, 1.0];
