@@ -8,7 +8,9 @@ use super::{Halt, Phase, Twin};
 /// Longest stride in radii of the needle, at any rate of poses: the front and the shaft's length are brought up to date between two, and
 /// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
 const STRIDE: f64 = 0.0025;
-pub(super) const STRIDES: u32 = 40;
+const STRIDES: f64 = 40.0;
+/// Strides for which the most steps of a pose are meant: those of 10 um with the preset's needle. A longer way may pass several membranes.
+pub(super) const STRIDES_OF_A_POSE: u32 = 8;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 512;
@@ -18,7 +20,7 @@ const ADAPT: u32 = 4;
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64) -> f64 {
     let shortest = STRIDE * radius;
-    (length / f64::from(STRIDES)).clamp(shortest, 10.0 * shortest)
+    (length / STRIDES).clamp(shortest, 10.0 * shortest)
 }
 
 impl Twin {

@@ -106,10 +106,9 @@ impl Twin {
         }
     }
 
-    /// Most steps for a way in so many strides: those of a pose. A jump, which has more strides than any pose, is worth as many for each.
+    /// Most steps for a way in so many strides: those of a pose for each [`pierce::STRIDES_OF_A_POSE`].
     pub(super) fn most_of(&self, strides: u32) -> u32 {
-        let poses = if strides > pierce::STRIDES { strides } else { 1 };
-        self.progress.pace.most().saturating_mul(poses)
+        self.progress.pace.most().saturating_mul(strides.div_ceil(pierce::STRIDES_OF_A_POSE).max(1))
     }
 
     /// Takes the tissue to a place at once, in `most` steps or one.

@@ -79,3 +79,14 @@ fn a_pose_of_a_needle_with_friction_has_no_more_steps_than_it_may() {
         assert!(steps <= most && steps > most / 2, "{steps} of {most}");
     }
 }
+
+/// A pose that is long may pass several membranes: its bound grows with its way.
+#[test]
+fn long_poses_come_to_rest_as_well() {
+    let mut twin = alone(|| Twin::new(&Scene::preset("layered_tissue").unwrap()).unwrap());
+    let answers = travel(&mut twin, 0.0, 5e-3, 10);
+    let steps = answers.iter().map(|answer| answer.steps).max().unwrap();
+    let imbalance = answers.iter().map(|answer| answer.health.force_imbalance).fold(0.0, f64::max);
+    println!("{steps} steps at most, imbalance {imbalance}");
+    assert!(steps > 2000 && imbalance < 0.02, "{steps} steps, {imbalance}");
+}
