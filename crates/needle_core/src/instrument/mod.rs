@@ -1,6 +1,8 @@
 //! Plate, indenter and needle: from a pose to prescribed displacements.
 
+mod bevel;
 mod capture;
+mod flexible;
 mod frictional;
 mod needle;
 mod own;
@@ -17,6 +19,7 @@ pub use needle::Insertion;
 pub use needle::NeedlePath;
 pub use own::{Instrument, Own};
 pub use phase::{Event, Phase};
+pub(crate) use flexible::Bending;
 pub(crate) use press::Press;
 
 use crate::scene::{self, InstrumentKind};
@@ -72,6 +75,16 @@ impl Contact {
             axis.distance(top, p) <= radius * (1.0 + 1e-9) && (!on_top || faces & TOP != 0) && faces & BASE == 0
         };
         (0..points.len() as u32).filter(held).collect()
+    }
+
+    /// The shaft of a needle that bends.
+    #[must_use]
+    pub(crate) fn shaft(&self) -> Option<&Bending> {
+        match self {
+            Self::Needle(needle) => needle.shaft(),
+            Self::Frictional(needle) => needle.bending(),
+            Self::Press(_) | Self::Own(_) => None,
+        }
     }
 
     /// Prescribes the nodes for a tip and returns the phase and what happened.

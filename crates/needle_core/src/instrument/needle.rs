@@ -44,7 +44,9 @@ use mtled::cloned_field_by_field;
 use mtled::mirror::Mirror;
 use mtled::solver::{Role, Solver};
 
+use super::bevel::Push;
 use super::capture::Hold;
+use super::flexible::{self, Bending};
 use super::puncture::{Strained, is_withdrawn};
 
 /// Capture window that a needle has by default, in capture radii. Tissue in the window is held along the needle where the problem
@@ -109,6 +111,8 @@ pub struct NeedlePath {
     share: Vec<f64>,
     /// How far each node is held along the needle, 0 to 1: scratch memory of [`NeedlePath::fill`].
     along: Vec<f64>,
+    /// Push of a bevel at each node.
+    bevel: Option<Push>,
     progress: Progress,
 }
 
@@ -126,6 +130,8 @@ cloned_field_by_field! {
         withdrawn: bool,
         /// Depth of the tip below the top face at the pose before, m.
         tip: f64,
+        /// The shaft, if it bends.
+        shaft: Option<Bending>,
     }
 }
 
@@ -183,7 +189,9 @@ impl NeedlePath {
                 strained: Strained::default(),
                 withdrawn: false,
                 tip: 0.0,
+                shaft: None,
             },
+            bevel: None,
             inner,
             effective_radius,
             revolved: false,
@@ -194,6 +202,23 @@ impl NeedlePath {
     #[must_use]
     pub(crate) fn with(self, needle: Needle) -> Self {
         Self { needle, ..self }
+    }
+
+    /// The same path of a needle whose shaft bends or whose tip is bevelled, if it is: in a body whose top is at a height, m, and whose tissue is
+    /// cut with a force, N, at a depth, m. In a half plane nothing is pushed aside.
+    #[must_use]
+    pub(crate) fn bent(mut self, top: f64, cutting: impl Fn(f64) -> f64) -> Self {
+        let (needle, nodes) = (self.needle, &self.nodes);
+        self.progress.shaft = if self.revolved { None } else { Bending::new(&needle, top, nodes.len()) };
+        let places = nodes.iter().map(|(_, z)| cutting(*z));
+        self.bevel = if self.revolved { None } else { Push::new(&needle, self.layer, places) };
+        self
+    }
+
+    /// The shaft, if it bends.
+    #[must_use]
+    pub(crate) fn shaft(&self) -> Option<&Bending> {
+        self.progress.shaft.as_ref()
     }
 
     /// Whether it is one of a half plane.
@@ -261,10 +286,48 @@ impl NeedlePath {
         self.progress.state
     }
 
-    pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+    pub(super) fn impose(&mut self, straight: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+        let tip = &self.bend(straight, solver);
         let answered = self.go_to(tip, solver);
         self.progress.tip = -tip.offset[2];
         answered
+    }
+
+    /// Lets the shaft bend, if it does, and says where its tip is.
+    fn bend(&mut self, straight: &Tip, solver: &Solver) -> Tip {
+        let Some(mut shaft) = self.progress.shaft.take() else { return *straight };
+        shaft.advance(straight, self.held(solver));
+        let tip = shaft.tip(straight);
+        self.progress.shaft = Some(shaft);
+        tip
+    }
+
+    /// What holds the shaft: layers of nodes with the tissue's force on each.
+    fn held<'a>(&'a self, solver: &'a Solver) -> impl Iterator<Item = flexible::Held> + 'a {
+        let mut first = 0;
+        std::iter::from_fn(move || {
+            let (_, depth) = *self.nodes.get(first)?;
+            let end = first + self.nodes[first..].partition_point(|(_, z)| *z < depth + SAME_LAYER);
+            let mut force = [0.0; 3];
+            let mut holds = false;
+            for i in first..end {
+                if let Hold::Captured(_) | Hold::Indented = self.progress.hold[i] {
+                    holds = true;
+                    let f = solver.internal_force(self.nodes[i].0 as usize);
+                    (0..3).for_each(|k| force[k] -= f[k]);
+                }
+            }
+            let whole = self.mirror.map_or(force, |mirror| mirror.within(&force).map(|x| 2.0 * x));
+            let shear = self.shear_modulus[first] * self.above[first];
+            first = end;
+            Some(holds.then_some(flexible::Held { depth, force: whole, shear }))
+        })
+        .flatten()
+    }
+
+    /// Lateral place of the needle's axis at a reference depth, m.
+    fn axis_at(&self, tip: &Tip, depth: f64) -> [f64; 2] {
+        self.progress.shaft.as_ref().map_or_else(|| tip.axis_at(depth), |shaft| shaft.axis_at(depth))
     }
 
     fn go_to(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
@@ -328,6 +391,9 @@ impl NeedlePath {
         self.progress.strained = Strained::default();
         self.progress.withdrawn = false;
         self.progress.tip = 0.0;
+        if let Some(shaft) = &mut self.progress.shaft {
+            shaft.reset();
+        }
     }
 
     fn release_all(&mut self, solver: &mut Solver) {

@@ -2,7 +2,7 @@
 
 use super::section::{Scope, Section, choice, section};
 use super::values::Values;
-use super::{Key, Metres, MetresPerSecond, Radians, Range, SceneError};
+use super::{Key, Metres, MetresPerSecond, Pascals, Radians, Range, SceneError};
 
 const LENGTH: Range = Range::above(0.0, 10.0);
 /// Coefficients of friction; from about 10 on hardly anything slides.
@@ -12,6 +12,8 @@ const WALL: Key = Key::boolean("instrument.wall_contact").or("true");
 /// What a plate or an indenter has, and a needle doesn't.
 const PRESSING: [&str; 2] = ["plate", "indenter"];
 const DIAMETER: Key = Key::real("instrument.diameter_m", LENGTH, "m");
+/// An indenter is flat or half a ball; a needle flat, conical or bevelled.
+const TIP: Key = Key::word("instrument.tip", &["flat", "sphere", "conical", "bevel"]).or("flat");
 /// A plate covers the whole face: it has no entry point.
 const WITH_ENTRY: [&str; 2] = ["indenter", "needle"];
 
@@ -42,8 +44,9 @@ choice! {
         "indenter" => Indenter {
             /// Diameter of the indenter's face or the needle's shaft.
             diameter: Metres = DIAMETER,
-            /// Lower end of the indenter: flat, or a half ball of the same diameter.
-            tip: IndenterTip = Key::word("instrument.tip", <IndenterTip as super::Word>::WORDS).or("flat"),
+            /// Lower end of the instrument. Of an indenter: flat, or a half ball of the same diameter ("sphere"). Of a needle: flat or
+            /// conical, which push along its axis alone, or a bevel, which pushes it aside as well.
+            tip: IndenterTip = TIP,
             /// Whether free tissue is kept outside the side wall of a bonded indenter, or of a kinematic needle before the puncture; in
             /// contact without a bond it always is.
             wall_contact: bool = WALL,
@@ -80,6 +83,68 @@ section! {
         tilt: Radians = Key::real("instrument.tilt_rad", Range::closed(0.0, 0.7), "rad").or("0.0"),
         /// Direction, from x towards y, in which an oblique needle moves sideways on its way down.
         azimuth: Radians = Key::real("instrument.azimuth_rad", Range::closed(-6.3, 6.3), "rad").or("0.0"),
+        /// Lower end of the instrument. Of an indenter: flat, or a half ball of the same diameter ("sphere"). Of a needle: flat or
+        /// conical, which push along its axis alone, or a bevel, which pushes it aside as well.
+        tip: NeedleTip = TIP,
+        /// The bevel of a tip that has one.
+        bevel: Option<Bevel>,
+        /// How the shaft bends; `None`: not at all.
+        flexible: Option<Flexible>,
+    }
+}
+
+section! {
+    /// A tip that is cut off at an angle.
+    ///
+    /// Tissue that is cut along the axis with a force F_c presses on the bevel's face, across it, where nothing rubs: so it pushes the tip aside with
+    /// F_b = F_c / tan(alpha), towards the side of the point (Roesthuis and others 2011; Misra and others 2010).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Bevel when |values| values.word("instrument.tip").is_some_and(|tip| tip == "bevel") => {
+        /// alpha: angle between the face of a bevelled tip and the needle's axis.
+        angle: Radians = Key::real("instrument.bevel_rad", Range::closed(0.05, 1.55), "rad").or("0.35")
+            .only("instrument.tip", &["bevel"]),
+        /// F_b: force with which the tissue that is cut pushes a bevelled tip aside; auto: the cutting force where the tip is over the
+        /// tangent of `bevel_rad`.
+        force: Option<f64> = Key::real("instrument.bevel_force_n", FORCE, "N").or_auto().only("instrument.tip", &["bevel"]),
+        /// Rotation of the shaft about its axis, from where the bevel pushes the tip towards `azimuth_rad`, counter-clockwise as seen from
+        /// above.
+        roll: Radians = Key::real("instrument.roll_rad", Range::closed(-6.3, 6.3), "rad").or("0.0").only("instrument.tip", &["bevel"]),
+    }
+}
+
+const FLEXIBLE: Key = Key::boolean("instrument.flexible").or("false").only("instrument.kind", &["needle"]);
+
+section! {
+    /// A shaft that bends: a tube that is clamped in the driver.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Flexible when |values| values.word("instrument.flexible").is_some_and(|yes| yes == "true") => {
+        /// Whether the needle's shaft bends, as an elastic tube that is clamped in the driver.
+        yes: bool = FLEXIBLE,
+        /// Outer diameter of the tube; auto: `diameter_m`.
+        outer_diameter: Option<Metres> = bends(Key::real("instrument.outer_diameter_m", LENGTH, "m")).or_auto(),
+        /// Inner diameter of the tube; 0: a wire.
+        inner_diameter: Metres = bends(Key::real("instrument.inner_diameter_m", Range::closed(0.0, 10.0), "m")).or("0.0"),
+        /// Young's modulus of the tube; 2e11 is that of steel, nitinol has 6e10 or so.
+        youngs_modulus: Pascals = bends(Key::real("instrument.youngs_modulus_pa", Range::closed(1e6, 1e15), "Pa")).or("2e11"),
+        /// Length of the tube from the driver's clamp to the tip.
+        length: Metres = bends(Key::real("instrument.length_m", LENGTH, "m")),
+        /// Height in frame `sample` of a template whose hole on the needle's path holds the shaft sideways; auto: there is none.
+        guide_z: Option<Metres> = bends(Key::real("instrument.guide_z_m", Range::closed(-10.0, 10.0), "m")).or_auto(),
+    }
+}
+
+const fn bends(key: Key) -> Key {
+    key.only("instrument.flexible", &["true"])
+}
+
+impl Flexible {
+    /// The tube's section; D is that of a needle.
+    pub(crate) fn section(&self, diameter: Metres) -> elastic_rod::Section {
+        elastic_rod::Section {
+            outer_diameter: self.outer_diameter.unwrap_or(diameter).get(),
+            inner_diameter: self.inner_diameter.get(),
+            youngs_modulus: self.youngs_modulus.get(),
+        }
     }
 }
 
@@ -162,6 +227,22 @@ section! {
     }
 }
 
+/// Refuses a tip that the kind of instrument doesn't have.
+fn check_tip(values: &Values) -> Result<(), SceneError> {
+    let (kind, tip) = (values.word("instrument.kind"), values.word("instrument.tip"));
+    let reason = match (kind.as_deref(), tip.as_deref()) {
+        (Some("indenter"), Some("conical" | "bevel")) => "the tip of an indenter is \"flat\" or \"sphere\"",
+        (Some("needle"), Some("sphere")) => "the tip of a needle is \"flat\", \"conical\" or \"bevel\"",
+        _ => return Ok(()),
+    };
+    Err(SceneError::Inconsistent {
+        place: values.place("instrument.tip"),
+        key: "instrument.tip".to_owned(),
+        value: tip.unwrap_or_default(),
+        reason: reason.to_owned(),
+    })
+}
+
 fn entry(path: &'static str) -> Key {
     Key::real(path, Range::closed(-10.0, 10.0), "m").or("0.0").only("instrument.kind", &WITH_ENTRY)
 }
@@ -176,6 +257,7 @@ impl Section for Instrument {
     }
 
     fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
+        check_tip(values)?;
         let kind = InstrumentKind::read(values, scope)?;
         let entry = Option::<Entry>::read(values, scope)?;
         let pressing = PRESSING.contains(&kind.as_str());
@@ -222,6 +304,15 @@ impl Instrument {
         }
     }
 
+    /// The needle, where it is one.
+    #[must_use]
+    pub fn needle(&self) -> Option<&Needle> {
+        match &self.kind {
+            InstrumentKind::Needle(needle) => Some(needle),
+            _ => None,
+        }
+    }
+
     /// Whether it is a needle with friction, cutting and puncture.
     #[must_use]
     pub fn is_frictional(&self) -> bool {
@@ -253,6 +344,17 @@ pub enum IndenterTip {
     Flat,
     /// Half ball.
     Sphere,
+}
+
+/// Lower end of a needle (`instrument.tip`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeedleTip {
+    /// Cut across.
+    Flat,
+    /// A point on the axis.
+    Conical,
+    /// A point at the side: cut off at an angle.
+    Bevel,
 }
 
 /// What the deformation coefficient multiplies (`instrument.deformation_rule`; `docs/method.md`).

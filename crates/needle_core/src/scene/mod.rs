@@ -54,7 +54,7 @@ pub use discretisation::{Cells, Dimension, Discretisation, Integration, Method, 
 pub use edit::{NewValue, Override};
 pub use error::SceneError;
 pub use grading::Grading;
-pub use instrument::{ContactLaw, DeformationRule, IndenterTip, Instrument, InstrumentKind, Interaction, Needle};
+pub use instrument::{Bevel, ContactLaw, DeformationRule, Flexible, IndenterTip, Instrument, InstrumentKind, Interaction, Needle, NeedleTip};
 pub use key::{Key, Kind};
 pub use material::Material;
 pub use material::MaterialModel;

@@ -234,7 +234,8 @@ pub(super) fn read_terms<T>(
     })
 }
 
-/// Ties the keys of one variant to the word that selects it; a key of several variants belongs to all their words.
+/// Ties the keys of one variant to the word that selects it; a key of several variants belongs to all their words, and one that another key of
+/// the variant selects is left to that.
 pub(super) fn tie(keys: &mut Vec<Key>, selector: &'static str, word: &'static str, of_variant: Vec<Key>) {
     for key in of_variant {
         match keys.iter_mut().find(|known| known.path == key.path) {
@@ -243,6 +244,7 @@ pub(super) fn tie(keys: &mut Vec<Key>, selector: &'static str, word: &'static st
                 let words = known.only_with.map_or(&[][..], |(_, words)| words);
                 known.only_with = Some((selector, [words, &[word]].concat().leak()));
             }
+            None if key.only_with.is_some_and(|(by, _)| by != selector) => keys.push(key),
             None => keys.push(key.only(selector, vec![word].leak())),
         }
     }

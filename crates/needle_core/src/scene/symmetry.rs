@@ -3,7 +3,7 @@
 
 use mtled::mirror::Mirror;
 
-use super::{Dimension, InstrumentKind, Region, RegionShape, Scene, Shape, VolumeRatio};
+use super::{Bevel, Dimension, InstrumentKind, Region, RegionShape, Scene, Shape, VolumeRatio};
 
 /// Largest distance of an entry point from a plane of symmetry, m: a thousandth of what a sensor resolves.
 const ON_PLANE: f64 = 1e-9;
@@ -36,6 +36,9 @@ impl Scene {
         if self.instrument.is_some_and(|i| i.slope() != [0.0; 2]) {
             return Some("the needle's path is oblique (instrument.tilt_rad)".to_owned());
         }
+        if self.bevel().is_some() {
+            return Some("a bevel pushes the needle aside (instrument.tip)".to_owned());
+        }
         self.regions.iter().find_map(off_axis)
     }
 
@@ -49,6 +52,9 @@ impl Scene {
         }
         if self.instrument.is_some_and(|i| i.is_frictional()) {
             return Err("a frictional needle (instrument.interaction) is modelled whole".to_owned());
+        }
+        if self.bevel().is_some_and(|bevel| bevel.roll.get().sin().abs() > SAME_WAY) {
+            return Err("the bevel pushes the needle out of the plane of its path (instrument.roll_rad)".to_owned());
         }
         let Some(direction) = self.direction() else {
             return Err(
@@ -74,6 +80,11 @@ impl Scene {
         self.regions.iter().find_map(|region| off_plane(region, &mirror)).map_or(Ok(mirror), Err)
     }
 
+    /// The bevel of the needle's tip, if it has one.
+    fn bevel(&self) -> Option<&Bevel> {
+        self.instrument.as_ref()?.needle()?.bevel.as_ref()
+    }
+
     /// Horizontal unit vector in the plane that holds the sample's axis and the instrument's path; `None` if no plane does.
     fn direction(&self) -> Option<[f64; 2]> {
         let unit = |v: [f64; 2]| v.map(|x| x / v[0].hypot(v[1]));
@@ -88,7 +99,7 @@ impl Scene {
         let Some(instrument) = &self.instrument else { return free() };
         let entry = instrument.entry.map(|e| e.get());
         match &instrument.kind {
-            InstrumentKind::Needle(needle) if needle.tilt.get() != 0.0 => {
+            InstrumentKind::Needle(needle) if needle.tilt.get() != 0.0 || needle.bevel.is_some() => {
                 let (sin, cos) = needle.azimuth.get().sin_cos();
                 ((cos * entry[1] - sin * entry[0]).abs() <= ON_PLANE).then_some([cos, sin])
             }

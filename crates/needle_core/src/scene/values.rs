@@ -29,6 +29,14 @@ struct Entry {
     place: String,
 }
 
+/// What a value selects: a word, or a truth by its name.
+fn selected(value: &Value) -> Option<String> {
+    match value {
+        Value::Boolean(yes) => Some(yes.to_string()),
+        other => other.as_text().map(str::to_owned),
+    }
+}
+
 impl Values {
     /// No value at all.
     pub(super) fn new(origin: &str) -> Self {
@@ -134,7 +142,7 @@ impl Values {
 
     /// The word of a key that selects others; `None` where it is missing.
     pub(super) fn word(&self, selector: &str) -> Option<String> {
-        self.value(selector).ok()?.as_text().map(str::to_owned)
+        selected(&self.value(selector).ok()?)
     }
 
     fn missing(&self, path: &str, key: &Key) -> SceneError {
@@ -199,8 +207,7 @@ impl Values {
     fn misfit(&self, path: &str) -> Result<Option<Misfit>, SceneError> {
         let Some((selector, words)) = keys::find(path).and_then(|key| key.only_with) else { return Ok(None) };
         let selector = keys::beside(path, selector);
-        let word = self.value(&selector)?;
-        let word = word.as_text().unwrap_or_default().to_owned();
+        let word = selected(&self.value(&selector)?).unwrap_or_default();
         Ok((!words.contains(&word.as_str())).then_some((selector, word, words)))
     }
 

@@ -3,7 +3,7 @@
 use mtled::material::Volumetric;
 use mtled::solver::Precision;
 
-use super::{DeformationRule, Dimension, IndenterTip, Integration, Method, VolumeRatio};
+use super::{DeformationRule, Dimension, IndenterTip, Integration, Method, NeedleTip, VolumeRatio};
 
 /// A choice that a scene file makes by a word.
 pub trait Word: Sized + Copy {
@@ -43,6 +43,7 @@ macro_rules! words {
 
 words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");
 words!(IndenterTip: Flat = "flat", Sphere = "sphere");
+words!(NeedleTip: Flat = "flat", Conical = "conical", Bevel = "bevel");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Integration: Plain = "plain", Consistent = "consistent", Auto = "auto");

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
+use crate::instrument::{Resistance, Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
 use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Region, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
@@ -292,7 +292,13 @@ pub(super) fn in_tissue(path: NeedlePath, scene: &Scene, top: f64) -> NeedlePath
     }
     let [x, y] = scene.instrument.map_or([0.0; 2], |i| i.entry.map(|m| m.get()));
     let near = 0.5 * path.layer();
-    path.in_tissue(|depth| regions::stiffest(scene, top, [x, y, top - depth], near))
+    let axis = Axis { entry: [x, y], slope: scene.instrument.map_or([0.0; 2], |i| i.slope()) };
+    let diameter = scene.instrument.and_then(|i| i.needle_diameter_m()).unwrap_or(0.0);
+    let cutting = |depth: f64| {
+        let at = axis.section(top, depth, 0.0, 0.0);
+        Resistance::of(scene, regions::at(scene, top, at), diameter).cutting
+    };
+    path.in_tissue(|depth| regions::stiffest(scene, top, [x, y, top - depth], near)).bent(top, cutting)
 }
 
 /// Nodes and values of all shape functions at points of the body, of one point after the other.
@@ -329,7 +335,7 @@ pub(super) fn frictional(
         .with_face(&pushes)
         .along(&axis, top, points)
         .in_tissue(scene, needle, &axis, top, |p| regions::at(scene, top, p));
-    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells))))
+    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells).bent(scene, needle, top))))
 }
 
 /// What holds each node from the start.

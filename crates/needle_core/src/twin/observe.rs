@@ -3,7 +3,7 @@
 use crate::instrument::Contact;
 use crate::scene::InstrumentKind;
 
-use super::{Phase, Twin, Work};
+use super::{Phase, Pose, Twin, Work};
 
 impl Twin {
     /// Displacement of the field at every reference point, m. Overwrites `out`.
@@ -42,6 +42,25 @@ impl Twin {
     #[must_use]
     pub fn constraint_error(&self) -> f64 {
         self.fixed.tissue.constraint_error(&self.solver)
+    }
+
+    /// Whether the needle's shaft bends.
+    #[must_use]
+    pub fn bends(&self) -> bool {
+        self.contact.as_ref().and_then(Contact::shaft).is_some()
+    }
+
+    /// Poses along a needle that bends, from the driver's clamp to the tip. Overwrites `out`; empty for another instrument.
+    pub fn needle_shape(&self, out: &mut Vec<Pose>) {
+        out.clear();
+        let Some(shaft) = self.contact.as_ref().and_then(Contact::shaft) else { return };
+        let entry = self.path().entry;
+        let start = [entry[0], entry[1], self.fixed.top];
+        let directions = shaft.directions();
+        out.extend(shaft.places().iter().zip(directions).map(|(x, axis)| Pose {
+            tip: std::array::from_fn(|k| start[k] + x[k]),
+            axis,
+        }));
     }
 
     /// Radius that the cloud gives a needle, m ([`crate::instrument::NeedlePath::effective_radius`]); `None` without a

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::instrument::reading::not_a_place;
-use crate::instrument::{Contact, Tip};
+use crate::instrument::{Bending, Contact, Tip};
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
@@ -139,6 +139,7 @@ impl Twin {
         let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
         self.solver.begin_cut();
         let (phase, event) = contact.impose(tip, &mut self.solver);
+        let bent = contact.shaft().map_or(0.0, Bending::moved);
         self.note(event, tip, phase);
         // a needle that tilts moves the tissue even if its tip stays
         let shaft = tip.axis_at(0.0);
@@ -148,6 +149,8 @@ impl Twin {
         let middle = [0.5 * (moved[0] + swung[0]), 0.5 * (moved[1] + swung[1]), -moved[2]];
         // above the surface the instrument moves, but not the tissue
         let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
+        // a shaft that bends moves it, too, even where its driver stands
+        let distance = distance.max(bent);
         let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
         let relaxed = self.solver.stress_relaxation(time_s);
         let steps = self.progress.pace.steps(distance, self.solver.unlearnt(travel), self.solver.slowest(), relaxed);
@@ -168,6 +171,7 @@ impl Twin {
         let corrected = |v| self.corrected(v, tip.depth);
         let (force_n, base_force_n) = (corrected(balance.instrument), corrected(balance.base));
         let torque_nm = corrected(self.torque(balance, tip));
+        let (force_n, torque_nm) = self.with_template(force_n, torque_nm, tip);
         self.happened.close(force_n);
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
@@ -197,14 +201,30 @@ impl Twin {
 
     /// Moment M of the forces on the instrument about the load cell's origin o, N m: M - o x F, with M about the frame's origin.
     fn torque(&self, balance: &Balance, tip: &Tip) -> [f64; 3] {
+        let entry = self.path().entry;
+        let start = [entry[0], entry[1], self.fixed.top];
+        let cell = self.load_cell(tip);
+        let o: [f64; 3] = std::array::from_fn(|k| start[k] + cell[k]);
+        let of_force = cross(&o, &balance.instrument);
+        std::array::from_fn(|k| balance.moment[k] - of_force[k])
+    }
+
+    /// The load cell's origin relative to the entry point, m.
+    fn load_cell(&self, tip: &Tip) -> [f64; 3] {
         let height = self.fixed.scene.instrument.map_or(0.0, |i| i.load_cell_height.get());
         let up = [tip.slope[0], tip.slope[1], 1.0];
         let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let entry = self.path().entry;
-        let start = [entry[0], entry[1], self.fixed.top];
-        let o: [f64; 3] = std::array::from_fn(|k| start[k] + tip.offset[k] + height * up[k] / length);
-        let of_force = cross(&o, &balance.instrument);
-        std::array::from_fn(|k| balance.moment[k] - of_force[k])
+        std::array::from_fn(|k| tip.offset[k] + height * up[k] / length)
+    }
+
+    /// Force in N and torque in N m at the load cell of a needle that a template holds as well: that takes its share of what the tissue does.
+    fn with_template(&self, force_n: [f64; 3], torque_nm: [f64; 3], tip: &Tip) -> ([f64; 3], [f64; 3]) {
+        let Some((by, at)) = self.contact.as_ref().and_then(Contact::shaft).and_then(Bending::template) else {
+            return (force_n, torque_nm);
+        };
+        let cell = self.load_cell(tip);
+        let turn = cross(&std::array::from_fn(|k| at[k] - cell[k]), &by);
+        (std::array::from_fn(|k| force_n[k] + by[k]), std::array::from_fn(|k| torque_nm[k] + turn[k]))
     }
 
     /// Limits the steps per pose to what there is time for: a live twin that can't keep up takes fewer, larger steps rather

@@ -2,6 +2,7 @@
 
 use super::{Frictional, STICKING, TIP_LENGTH};
 use crate::instrument::Tip;
+use crate::instrument::bevel::Push;
 use mtled::solver::{End, Grip, Role, Solver, Wall};
 
 /// Share of the tip that the uppermost of its layers has at least. With less, its nodes stand between cells that the needle fills: nothing
@@ -74,15 +75,28 @@ impl Frictional {
             return;
         }
         if before == Grip::Free {
-            self.progress.beside[layer] = tip.axis_at(vertical);
+            self.progress.beside[layer] = self.axis_at(tip, vertical);
         }
         let above = layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
         let (gap, passed) = (z - above, ((self.progress.shoulder - above) / (z - above)).clamp(0.0, 1.0));
+        // tissue beside a bevel is held where that pushes it, once the full section is there
+        let passed = self.bevel.as_ref().map_or(passed, |bevel| bevel.passed(self.progress.tip, z));
         let rigid = passed >= 1.0 - 1e-9;
         let mu = self.shaft.under[layer].shear_modulus;
-        let spring = if rigid { f64::INFINITY } else { 2.0 * mu * gap * passed / (1.0 - passed) };
-        let (axis, beside) = (tip.axis_at(vertical), self.progress.beside[layer]);
-        let to = [axis[0] - beside[0], axis[1] - beside[1], 0.0];
+        let axis = self.axis_at(tip, vertical);
+        let (mut spring, mut off) = (f64::INFINITY, [0.0; 2]);
+        if let (false, Some(bevel)) = (rigid, &self.bevel) {
+            spring = Push::lead(mu * gap);
+            let push = bevel.on_layer(layer, passed, gap, self.progress.front - self.progress.tip);
+            let nodes = self.shaft.layer(layer).len() as f64;
+            off = [0, 1].map(|k| push[k] / (nodes * spring));
+            let shift = self.shift(layer, solver);
+            self.progress.beside[layer] = [0, 1].map(|k| axis[k] - shift[k]);
+        } else if !rigid {
+            spring = 2.0 * mu * gap * passed / (1.0 - passed);
+        }
+        let beside = self.progress.beside[layer];
+        let to = [axis[0] - beside[0] + off[0], axis[1] - beside[1] + off[1], 0.0];
         for &n in &self.shaft.nodes[self.shaft.layer(layer)] {
             if (before == Grip::Free) != (grip == Grip::Free) {
                 solver.set_role(n as usize, role);
@@ -91,6 +105,17 @@ impl Frictional {
                 solver.guide(n as usize, to, spring);
             }
         }
+    }
+
+    /// How far a layer's nodes have gone sideways off the needle's line, m, in the mean.
+    fn shift(&self, layer: usize, solver: &Solver) -> [f64; 2] {
+        let (axis, nodes) = (self.shaft.axis, &self.shaft.nodes[self.shaft.layer(layer)]);
+        let mut sum = [0.0; 2];
+        for &n in nodes {
+            let u = solver.parameters()[n as usize];
+            (0..2).for_each(|k| sum[k] += u[k] - u[2] / axis[2] * axis[k]);
+        }
+        sum.map(|x| x / nodes.len() as f64)
     }
 
     /// The needle takes the place of the tissue in the cells above its tip: of those above a layer the share that lies on it and below.
@@ -102,6 +127,10 @@ impl Frictional {
                 (None, _) | (_, 0) => 0.0,
                 _ if layer <= first => 1.0,
                 _ => below,
+            };
+            let share = match &self.bevel {
+                Some(bevel) => share.min(bevel.passed(self.progress.tip, self.shaft.depths[layer])),
+                None => share,
             };
             if share != *filled {
                 *filled = share;

@@ -23,9 +23,11 @@ pub use shaft::Resistance;
 pub use shaft::Shaft;
 pub(crate) use shaft::start_and_slow;
 
+use super::bevel::Push;
+use super::flexible::{self, Bending};
 use super::puncture::is_withdrawn;
 use super::{Event, Phase, Tip};
-use crate::scene::{Instrument, InstrumentKind, Scene};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Needle, Scene};
 use mtled::cloned_field_by_field;
 use mtled::cloud::Axis;
 use mtled::solver::{Grip, Model, Role, Solver};
@@ -54,6 +56,8 @@ pub(crate) struct Frictional {
     slow: f64,
     /// sqrt(V / (pi l)) of the cells that the needle fills, m.
     effective_radius: f64,
+    /// Push of a bevel at each layer.
+    bevel: Option<Push>,
     progress: Progress,
 }
 
@@ -88,6 +92,8 @@ cloned_field_by_field! {
         friction: f64,
         /// Sign of the friction with which the whole shaft slips, 0 where it sticks.
         slips: f64,
+        /// The shaft, if it bends.
+        bending: Option<Bending>,
     }
 }
 
@@ -131,9 +137,10 @@ impl Frictional {
             released: None,
             friction: 0.0,
             slips: 0.0,
+            bending: None,
         };
         let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
-        Self { shaft, inner, start, slow, effective_radius, progress }
+        Self { shaft, inner, start, slow, effective_radius, bevel: None, progress }
     }
 
     /// The same needle with the coefficients of a scene: `region` of a point on its axis, which meets the body's top at a height, m.
@@ -148,7 +155,50 @@ impl Frictional {
         let InstrumentKind::Needle(needle) = &instrument.kind else { return self };
         let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: needle.slope() };
         let [start, slow] = start_and_slow(scene);
-        Self { shaft: self.shaft.in_tissue(scene, needle, &axis, top, region), start, slow, ..self }
+        let shaft = self.shaft.in_tissue(scene, needle, &axis, top, region);
+        Self { shaft, start, slow, ..self }.bent(scene, needle, top)
+    }
+
+    /// The same needle with a shaft that bends or a tip that is bevelled, if it is, in a body whose top is at a height, m. In a half plane nothing is
+    /// pushed aside.
+    #[must_use]
+    pub(crate) fn bent(mut self, scene: &Scene, needle: &Needle, top: f64) -> Self {
+        if scene.dimension().dimension == Dimension::Axisymmetric {
+            return self;
+        }
+        self.progress.bending = Bending::new(needle, top, self.shaft.depths.len());
+        self.bevel = Push::new(needle, self.layer(), self.shaft.under.iter().map(|under| under.cutting));
+        self
+    }
+
+    /// The shaft, if it bends.
+    #[must_use]
+    pub(crate) fn bending(&self) -> Option<&Bending> {
+        self.progress.bending.as_ref()
+    }
+
+    /// Lets the shaft bend, if it does, and says where its tip is.
+    fn bend(&mut self, straight: &Tip, solver: &Solver) -> Tip {
+        let Some(mut bending) = self.progress.bending.take() else { return *straight };
+        let cosine = -self.shaft.axis[2];
+        let held = (0..self.shaft.depths.len()).filter(|layer| self.progress.grip[*layer] != Grip::Free).map(|layer| {
+            let mut force = [0.0; 3];
+            for &n in &self.shaft.nodes[self.shaft.layer(layer)] {
+                let f = solver.internal_force(n as usize);
+                (0..3).for_each(|k| force[k] -= f[k]);
+            }
+            let shear = self.shaft.share(layer, f64::INFINITY, |r| r.shear_modulus);
+            flexible::Held { depth: cosine * self.shaft.depths[layer], force, shear }
+        });
+        bending.advance(straight, held);
+        let tip = bending.tip(straight);
+        self.progress.bending = Some(bending);
+        tip
+    }
+
+    /// Lateral place of the needle's axis at a depth below the top, m.
+    fn axis_at(&self, tip: &Tip, vertical: f64) -> [f64; 2] {
+        self.progress.bending.as_ref().map_or_else(|| tip.axis_at(vertical), |shaft| shaft.axis_at(vertical))
     }
 
     /// As [`super::NeedlePath::effective_radius`].
@@ -257,7 +307,8 @@ impl Frictional {
         self.progress.elapsed = each_s.filter(|t| *t > 0.0).unwrap_or(f64::INFINITY);
     }
 
-    pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+    pub(super) fn impose(&mut self, straight: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+        let tip = &self.bend(straight, solver);
         let depth = (0..3).map(|k| tip.offset[k] * self.shaft.axis[k]).sum::<f64>();
         solver.move_surface(tip.offset);
         let event = self.advance_front(solver);
@@ -327,6 +378,9 @@ impl Frictional {
         p.filled.fill(0.0);
         (p.broken, p.released) = (None, None);
         (p.friction, p.slips, p.depth, p.elapsed) = (0.0, 0.0, 0.0, f64::INFINITY);
+        if let Some(shaft) = &mut self.progress.bending {
+            shaft.reset();
+        }
         self.release(solver);
         self.place(solver);
     }

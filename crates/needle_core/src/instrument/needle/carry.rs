@@ -1,7 +1,8 @@
 //! What is captured goes with the needle: which node is on its ramp or behind the tip, and where the rule puts it.
 
-use super::NeedlePath;
+use super::{NeedlePath, SAME_LAYER};
 use crate::instrument::Tip;
+use crate::instrument::bevel::Push;
 use crate::instrument::capture::{Capture, Hold, carried, passed};
 use crate::scene::DeformationRule;
 use mtled::solver::Solver;
@@ -51,13 +52,21 @@ impl NeedlePath {
     fn capture(&self, i: usize, tip: &Tip, behind: [f64; 2], solver: &Solver) -> Capture {
         let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
         let depth = -tip.offset[2];
-        let passed = passed(depth, z, self.above[i]);
+        let passed = match &self.bevel {
+            Some(bevel) => bevel.passed(depth, z),
+            None => passed(depth, z, self.above[i]),
+        };
         let hold = self.progress.hold[i];
         let beside = |behind: [f64; 2]| {
-            let axis = tip.axis_at(z);
+            let axis = self.axis_at(tip, z);
             std::array::from_fn(|k| axis[k] - self.slope[k] * z - behind[k])
         };
-        let axis = tip.axis_at(z);
+        let axis = self.axis_at(tip, z);
+        if let (Hold::Captured(c), true) = (hold, self.bevel.is_some()) {
+            // tissue ahead of a bevel is held where that has pushed it
+            let beside = if c.passed < 1.0 { beside(self.layer_shift(z, solver)) } else { c.beside };
+            return Capture { beside, passed, ..c };
+        }
         match hold {
             Hold::Captured(c) if c.passed > 0.0 || self.revolved => Capture { passed, ..c },
             Hold::Left(c) if self.revolved => Capture { passed, ..c },
@@ -83,7 +92,7 @@ impl NeedlePath {
 
     /// How far the needle has carried what is captured at depth z sideways off the path, m.
     fn off_path(&self, tip: &Tip, z: f64, beside: [f64; 2]) -> [f64; 2] {
-        let axis = tip.axis_at(z);
+        let axis = self.axis_at(tip, z);
         std::array::from_fn(|k| axis[k] - self.slope[k] * z - beside[k])
     }
 
@@ -103,10 +112,26 @@ impl NeedlePath {
         if capture.passed >= 1.0 {
             // motion along the path takes its lateral share along, on the ramp as behind the tip
             solver.prescribe(n, [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z]);
+        } else if let Some(bevel) = &self.bevel {
+            let spring = self.share[i] * Push::lead(self.shear_modulus[i] * self.above[i]);
+            let back = self.progress.state.deepest - depth;
+            let push = bevel.on_layer(i, capture.passed, self.above[i], back);
+            let part = self.part(i);
+            let off = std::array::from_fn(|k| off[k] + part * push[k] / spring);
+            self.guide(n, off, [&from, &to], s, spring, solver);
         } else {
             let spring = self.share[i] * capture.spring(self.shear_modulus[i], self.above[i]);
             self.guide(n, off, [&from, &to], s, spring, solver);
         }
+    }
+
+    /// Node i's part of what acts on its layer: of the model's half, where it has half of the body.
+    fn part(&self, i: usize) -> f64 {
+        let z = self.nodes[i].1;
+        let first = self.nodes.partition_point(|(_, d)| *d < z - SAME_LAYER);
+        let end = self.nodes.partition_point(|(_, d)| *d <= z + SAME_LAYER);
+        let of_half = if self.mirror.is_some() { 0.5 } else { 1.0 };
+        of_half * self.share[i] / self.share[first..end].iter().sum::<f64>()
     }
 
     /// Guides a node ahead of the tip: held along the path at a share s of the way between two displacements, pulled across it to where the

@@ -1,0 +1,229 @@
+//! A shaft that bends: an elastic rod ([`elastic_rod`]), clamped in the driver, that the tissue holds along its length.
+//!
+//! Rod and tissue take turns, once for each place that the instrument goes to. The tissue holds the rod with the force f_i of each layer of nodes
+//! that the needle holds, at the shape x_old that those nodes were moved to; how that force changes with the shape is taken to be a foundation,
+//!
+//! ```text
+//! f_i(x) = f_i - k_i P (x - x_old)        k_i = c mu h    h: length of the layer along the shaft, P: across the needle
+//! ```
+//!
+//! so the rod finds its next shape beside springs. Where rod and tissue rest, x = x_old, and k_i has no part in it: it only says how fast they come
+//! there. c is twice what a rigid rod in a wide block has (4 pi / ln of some hundred), for a search that doesn't overshoot.
+//!
+//! Material that the tip has passed keeps its place at the shaft ([`super::needle`], [`super::frictional`]): the channel is where the tip has been, not
+//! the scene's straight path. A layer of the path's nodes stands for tissue at the channel, however far that is beside the path.
+
+use crate::scene::Needle;
+use elastic_rod::{Clamp, Force, Rod, Spring};
+use mtled::cloned_field_by_field;
+
+use super::Tip;
+
+/// Segments of the rod.
+const SEGMENTS: usize = 80;
+/// c of k_i.
+const FOUNDATION: f64 = 80.0;
+/// Stiffness of the template's hole over E I / L^3 of the rod: next to rigid.
+const TEMPLATE: f64 = 1e8;
+/// Shapes that differ by less are the same, m: what no step of the tissue is worth.
+const SAME_SHAPE: f64 = 1e-9;
+
+/// What holds the shaft at one layer of nodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held {
+    /// Reference depth of the layer under the undeformed top, m.
+    pub depth: f64,
+    /// Force of the tissue on the needle, N.
+    pub force: [f64; 3],
+    /// mu h, N/m.
+    pub shear: f64,
+}
+
+cloned_field_by_field! {
+    /// The rod and where it is; places are relative to the entry point on the undeformed top, z upwards.
+    #[derive(Debug)]
+    pub(crate) struct Bending {
+        rod: Rod,
+        clamp: Clamp,
+        length: f64,
+        /// A point of the template's hole, m.
+        template: Option<[f64; 3]>,
+        /// Direction of the hole.
+        path: [f64; 3],
+        forces: Vec<Force>,
+        springs: Vec<Spring>,
+        /// Depth of each layer that holds the shaft, and where the axis was there, m.
+        before: Vec<(f64, [f64; 2])>,
+        /// How far the shape has changed in the tissue at the last advance, m.
+        moved: f64,
+        /// Force of the template on the needle, N.
+        template_force: [f64; 3],
+    }
+}
+
+impl Bending {
+    /// Of a scene's needle, whose path has so many layers of nodes; `top`: height of the surface in frame `sample`, m. `None`: it is rigid.
+    pub(super) fn new(needle: &Needle, top: f64, layers: usize) -> Option<Self> {
+        let flexible = needle.flexible?;
+        let [x, y] = needle.slope();
+        let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
+        let path = [x * cosine, y * cosine, -cosine];
+        let length = flexible.length.get();
+        let clamp = Clamp { place: path.map(|c| -length * c), direction: path };
+        let template = flexible.guide_z.map(|z| {
+            let up = z.get() - top;
+            [-x * up, -y * up, up]
+        });
+        Some(Self {
+            rod: Rod::new(&flexible.section(needle.diameter), length, SEGMENTS, &clamp),
+            clamp,
+            length,
+            template,
+            path,
+            forces: Vec::with_capacity(layers),
+            springs: Vec::with_capacity(layers + 1),
+            before: Vec::with_capacity(layers),
+            moved: 0.0,
+            template_force: [0.0; 3],
+        })
+    }
+
+    /// Straight again, out of the tissue.
+    pub(super) fn reset(&mut self) {
+        self.rod.straighten(&self.clamp);
+        (self.moved, self.template_force) = (0.0, [0.0; 3]);
+    }
+
+    /// Lets the driver go to where its straight needle would have that tip, and the rod to rest beside what holds it.
+    pub(super) fn advance(&mut self, straight: &Tip, held: impl Iterator<Item = Held>) {
+        let clamp = self.clamp_of(straight);
+        self.forces.clear();
+        self.springs.clear();
+        self.before.clear();
+        for Held { depth, force, shear } in held {
+            let arc = self.arc_at(depth);
+            self.forces.push(Force { arc, force });
+            let stiffness = FOUNDATION * shear;
+            self.springs.push(Spring { arc, place: self.rod.at(arc), axis: clamp.direction, stiffness });
+            self.before.push((depth, self.axis_at(depth)));
+        }
+        let before = self.clamp;
+        self.rod.carry(&before, &clamp);
+        // the layers stay where they are while the rod goes along them
+        let way = (0..3).map(|k| (clamp.place[k] - before.place[k]) * clamp.direction[k]).sum::<f64>();
+        let length = self.length;
+        let along = |arc: f64| (arc - way).clamp(0.0, length);
+        self.forces.iter_mut().for_each(|f| f.arc = along(f.arc));
+        self.springs.iter_mut().for_each(|s| s.arc = along(s.arc));
+        self.clamp = clamp;
+        if let Some(place) = self.template.filter(|place| self.is_between(place[2])) {
+            let stiffness = TEMPLATE * self.rod.bending_stiffness() / self.length.powi(3);
+            let arc = self.arc_at(-place[2]);
+            self.springs.push(Spring { arc, place, axis: self.path, stiffness });
+        }
+        // a rod that finds no rest keeps the shape with which it went along: the tissue is then as stiff as a rigid needle has it
+        let settled = self.rod.settle(&clamp, &self.forces, &self.springs).is_ok();
+        let gap = |(depth, before): &(f64, [f64; 2])| {
+            let [x, y] = self.axis_at(*depth);
+            (x - before[0]).hypot(y - before[1])
+        };
+        self.moved = self.before.iter().map(gap).fold(0.0, f64::max);
+        self.template_force = match self.springs.get(self.before.len()) {
+            Some(spring) if settled => spring.force(self.rod.at(spring.arc)),
+            _ => [0.0; 3],
+        };
+    }
+
+    fn has_template(&self) -> bool {
+        self.template.is_some_and(|place| self.is_between(place[2]))
+    }
+
+    /// Whether a height is between clamp and tip.
+    fn is_between(&self, z: f64) -> bool {
+        let x = self.rod.vertices();
+        z < x[0][2] && z > x[x.len() - 1][2]
+    }
+
+    /// The clamp of a driver whose straight needle would have that tip.
+    fn clamp_of(&self, straight: &Tip) -> Clamp {
+        let [x, y] = straight.slope;
+        let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
+        let direction = [-x * cosine, -y * cosine, -cosine];
+        Clamp { place: std::array::from_fn(|k| straight.offset[k] - self.length * direction[k]), direction }
+    }
+
+    /// How far the shape in the tissue has changed at the last advance, m; 0 where that is nothing.
+    pub(crate) fn moved(&self) -> f64 {
+        if self.moved > SAME_SHAPE { self.moved } else { 0.0 }
+    }
+
+    /// Force of the template on the needle, N, and where it acts, m.
+    pub(crate) fn template(&self) -> Option<([f64; 3], [f64; 3])> {
+        self.template.filter(|_| self.has_template()).map(|place| (self.template_force, place))
+    }
+
+    /// Where the tip is, in the place of where the straight needle's would be.
+    pub(super) fn tip(&self, straight: &Tip) -> Tip {
+        let x = self.rod.vertices();
+        let d = self.rod.tip_direction();
+        Tip { offset: x[x.len() - 1], depth: straight.depth, slope: [d[0] / d[2], d[1] / d[2]] }
+    }
+
+    /// Places from the clamp to the tip, m.
+    pub(crate) fn places(&self) -> &[[f64; 3]] {
+        self.rod.vertices()
+    }
+
+    /// Unit vectors along the needle there: of the chord between the neighbours.
+    pub(crate) fn directions(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let x = self.rod.vertices();
+        let last = x.len() - 1;
+        (0..=last).map(move |i| match i {
+            0 => self.clamp.direction,
+            i if i == last => self.rod.tip_direction(),
+            i => {
+                let chord: [f64; 3] = std::array::from_fn(|k| x[i + 1][k] - x[i - 1][k]);
+                let length = chord.iter().map(|c| c * c).sum::<f64>().sqrt();
+                chord.map(|c| c / length)
+            }
+        })
+    }
+
+    /// First of the two vertices about a height, and the share of the second: beyond the ends those of the last segment.
+    fn about(&self, z: f64) -> (usize, f64) {
+        let x = self.rod.vertices();
+        let i = x.partition_point(|v| v[2] > z).clamp(1, x.len() - 1) - 1;
+        (i, (x[i][2] - z) / (x[i][2] - x[i + 1][2]))
+    }
+
+    /// Arc length from the clamp at a depth under the top, m.
+    fn arc_at(&self, depth: f64) -> f64 {
+        let (i, share) = self.about(-depth);
+        ((i as f64 + share) * self.length / SEGMENTS as f64).clamp(0.0, self.length)
+    }
+
+    /// Lateral place of the needle's axis at a reference depth below the top, m: a cubic through four vertices, which has no kink where they are, and
+    /// past the tip a straight line.
+    pub(super) fn axis_at(&self, depth: f64) -> [f64; 2] {
+        let x = self.rod.vertices();
+        let last = x.len() - 1;
+        let z = -depth;
+        if z <= x[last][2] {
+            let d = self.rod.tip_direction();
+            return std::array::from_fn(|k| x[last][k] + d[k] / d[2] * (z - x[last][2]));
+        }
+        let (i, share) = self.about(z);
+        let slope = |j: usize, k: usize| {
+            let (a, b) = (j.saturating_sub(1), (j + 1).min(last));
+            (x[b][k] - x[a][k]) / (x[b][2] - x[a][2])
+        };
+        let (h, t) = (x[i + 1][2] - x[i][2], share);
+        std::array::from_fn(|k| {
+            let (t2, t3) = (t * t, t * t * t);
+            (2.0 * t3 - 3.0 * t2 + 1.0) * x[i][k]
+                + (t3 - 2.0 * t2 + t) * h * slope(i, k)
+                + (3.0 * t2 - 2.0 * t3) * x[i + 1][k]
+                + (t3 - t2) * h * slope(i + 1, k)
+        })
+    }
+}
