@@ -63,6 +63,28 @@ function shape(tool, tip, half, top) {
   return { points: new Float32Array(points), triangles };
 }
 
+/// Triangles of a needle that bends: a tube about `places` (x, y, z of one after the other, from the clamp to the tip) up to a height, with a
+/// point at its end.
+function bent(places, radius, top) {
+  const n = 16, last = places.length / 3 - 1, points = [], triangles = [];
+  let first = last;
+  while (first > 0 && places[3 * first + 2] < top) first--;
+  for (let i = first; i <= last; i++) {
+    const r = i === last ? 0 : radius;
+    for (let j = 0; j <= n; j++) {
+      const a = 2 * Math.PI * j / n;
+      points.push(places[3 * i] + r * Math.cos(a), places[3 * i + 1] + r * Math.sin(a), places[3 * i + 2]);
+    }
+  }
+  for (let i = 0; i < last - first; i++) {
+    for (let j = 0; j < n; j++) {
+      const a = i * (n + 1) + j, b = a + n + 1;
+      triangles.push(a, b, a + 1, a + 1, b, b + 1);
+    }
+  }
+  return { points: new Float32Array(points), triangles };
+}
+
 /// Turns the points of an upright instrument, whose tip is at (0, 0, 0), to an axis into the sample, and takes it to its place.
 function placed(points, [x, y, z], tip) {
   // turns (0, 0, -1) to the axis about the line that is across both

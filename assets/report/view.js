@@ -298,7 +298,15 @@ class View {
   instrument() {
     const tool = this.data.instrument;
     if (!tool) return;
-    const depth = this.data.depth[this.frame], along = tool.axis;
+    const depth = this.data.depth[this.frame], along = tool.axis, needle = this.data.needle;
+    if (needle) {
+      const size = needle.length / this.data.depth.length;
+      const tube = bent(needle.subarray(this.frame * size, (this.frame + 1) * size), tool.radius, this.high[2] + 0.012);
+      const seen = new Float32Array(tube.points.length);
+      this.project(tube.points, seen);
+      this.fill(tube.triangles, seen, tube.points, null, 0.6);
+      return;
+    }
     const { points, triangles } = shape({ ...tool, x: 0, y: 0 }, 0, this.mode === 'half' && tool.kind !== 'needle', Math.max(0, depth));
     placed(points, along, [tool.x + depth * along[0], tool.y + depth * along[1], this.high[2] + depth * along[2]]);
     const screen = new Float32Array(points.length);

@@ -38,6 +38,11 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     if let Some(radius_m) = run.effective_radius_m {
         lines.push(("needle", format!("effective radius {:.3} mm", 1e3 * radius_m)));
     }
+    if let Some(deepest) = run.needle.iter().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)) {
+        let [x, y, z] = deepest.tip.map(|c| 1e3 * c);
+        let aside = 1e3 * deepest.aside_m;
+        lines.push(("tip", format!("{aside:.3} mm beside the straight needle's, at ({x:.3}, {y:.3}, {z:.3}) mm")));
+    }
     if let Some(depth_m) = run.answers.iter().find_map(|a| a.event.and_then(Event::puncture_depth)) {
         lines.push(("puncture", format!("at {:.3} mm", 1e3 * depth_m)));
     }

@@ -111,8 +111,35 @@ impl Adapter<'_> {
         if !tip.iter().all(|x| x.is_finite()) {
             return Err(Refusal::Position { position: tip });
         }
-        Ok(Pose { tip, axis: forward(message.pose.orientation)? })
+        pose_of(tip, message.pose.orientation)
     }
+}
+
+/// The pose of an instrument that points along +z of its own frame.
+pub(super) fn pose_of(tip: [f64; 3], q: Quaternion) -> Result<Pose, Refusal> {
+    let axis = forward(q)?;
+    let norm = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
+    let (x, y, z, w) = (q.x / norm, q.y / norm, q.z / norm, q.w / norm);
+    // first column of the rotation matrix
+    let first = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
+    Ok(Pose::with_x_axis(tip, axis, first))
+}
+
+/// The orientation of an instrument that does not point straight up: half a turn about x, then the shortest way from straight down to its axis, then
+/// its roll.
+#[must_use]
+pub fn orientation(pose: &Pose) -> Quaternion {
+    let [x, y, z] = pose.axis;
+    let norm = (2.0 * (1.0 - z)).sqrt();
+    let [qx, qz, qw] = [(1.0 - z) / norm, x / norm, (0.0 - y) / norm];
+    let upright = Quaternion { x: qx, y: 0.0, z: qz, w: qw };
+    let turn = pose.roll_rad - pose_of(pose.tip, upright).map_or(0.0, |upright| upright.roll_rad);
+    if turn.sin().abs() < 1e-12 && turn.cos() > 0.0 {
+        return upright;
+    }
+    // about the instrument's own z, which points down
+    let (s, c) = (-0.5 * turn).sin_cos();
+    Quaternion { x: qx * c, y: 0.0 - qx * s, z: qz * c + qw * s, w: qw * c - qz * s }
 }
 
 /// The instrument points along +z of its own frame (CRTK's tool frame): third column of the rotation matrix.
@@ -129,6 +156,21 @@ pub(super) fn forward(q: Quaternion) -> Result<[f64; 3], Refusal> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn an_orientation_is_read_back_with_its_roll() {
+        for axis in [[0.0, 0.0, -1.0], [0.36, -0.48, -0.8], [0.6, 0.8, 0.0], [0.0, -0.6, -0.8]] {
+            for i in -6..7 {
+                let pose = Pose { tip: [1.0, 2.0, 3.0], axis, roll_rad: 0.5 * f64::from(i) };
+                let again = pose_of(pose.tip, orientation(&pose)).unwrap();
+                assert!((again.roll_rad - pose.roll_rad).abs() < 1e-9, "{pose:?} {again:?}");
+                assert!(again.axis.iter().zip(axis).all(|(a, b)| (a - b).abs() < 1e-12), "{pose:?} {again:?}");
+            }
+        }
+        // x of the tool along y of the frame: a quarter of a turn, counter-clockwise as seen from above
+        let quarter = Pose::with_x_axis([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]);
+        assert!((quarter.roll_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    }
 
     #[test]
     fn straight_down_is_half_a_turn_about_x() {

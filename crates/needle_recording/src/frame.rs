@@ -51,12 +51,13 @@ impl Frames {
     pub(crate) fn pose(&self, pose: Pose) -> Pose {
         let Some((origin, orientation)) = &self.sample else { return pose };
         let tip = orientation.inverse_transform_vector(&(Vector3::from(pose.tip) - origin));
-        Pose { tip: tip.into(), axis: orientation.inverse_transform_vector(&Vector3::from(pose.axis)).into() }
+        let [axis, x] = [pose.axis, pose.x_axis()].map(|v| orientation.inverse_transform_vector(&Vector3::from(v)).into());
+        Pose::with_x_axis(tip.into(), axis, x)
     }
 
     /// A point in the frame of the sample.
     pub(crate) fn point(&self, point: [f64; 3]) -> [f64; 3] {
-        self.pose(Pose { tip: point, axis: [0.0, 0.0, -1.0] }).tip
+        self.pose(Pose { tip: point, axis: [0.0, 0.0, -1.0], roll_rad: 0.0 }).tip
     }
 
     /// A force in the frame of the sample. `with_poses`: it was recorded in the frame of the poses.
@@ -94,7 +95,7 @@ mod tests {
             ..Selection::default()
         };
         let frames = Frames::of(&said).unwrap();
-        let pose = frames.pose(Pose { tip: [0.4, -0.09, 0.31], axis: [0.0, 1.0, 0.0] });
+        let pose = frames.pose(Pose { tip: [0.4, -0.09, 0.31], axis: [0.0, 1.0, 0.0], roll_rad: 0.0 });
         assert!(near(pose.tip, [0.01, 0.0, 0.01]) && near(pose.axis, [1.0, 0.0, 0.0]), "{pose:?}");
         assert!(near(frames.force([1.0, 2.0, -3.0], false), [1.0, -2.0, 3.0]), "half a turn about x");
         let robot = Frames { sensor: None, ..frames };

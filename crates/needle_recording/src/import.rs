@@ -181,8 +181,8 @@ impl<'a> Import<'a> {
                 }
                 1 => {
                     let Some((_, pose)) = motion.poses.pop_front() else { return Ok(()) };
-                    let Pose { tip, axis } = plan.frames.pose(pose);
-                    take(1, &Sample::Pose(PoseSample { time_s, tip, axis }))?;
+                    let Pose { tip, axis, roll_rad } = plan.frames.pose(pose);
+                    take(1, &Sample::Pose(PoseSample { time_s, tip, axis, roll_rad }))?;
                 }
                 2 => {
                     let Some((_, force_n)) = forces.pop_front() else { return Ok(()) };

@@ -21,7 +21,7 @@ mod topics;
 mod unit;
 mod write;
 
-pub use adapter::{Adapter, Refusal};
+pub use adapter::{Adapter, Refusal, orientation};
 pub use force_series::ForceSeries;
 pub use foreign::ForeignError;
 pub use foreign::{ForceSource, PositionSource};

@@ -65,13 +65,15 @@ pub struct PoseSample {
     pub tip: [f64; 3],
     /// Unit vector along the instrument into the sample: the z axis of the tip's frame.
     pub axis: [f64; 3],
+    /// How far it is turned about that, rad ([`Pose::roll_rad`]).
+    pub roll_rad: f64,
 }
 
 impl PoseSample {
     /// The pose in the twin's format.
     #[must_use]
     pub fn pose(&self) -> Pose {
-        Pose { tip: self.tip, axis: self.axis }
+        Pose { tip: self.tip, axis: self.axis, roll_rad: self.roll_rad }
     }
 }
 
@@ -439,7 +441,7 @@ impl Recording {
         let whole = markers.into_iter().filter(|m| m.1.len() == count);
         let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
         let depth = |(t, depth_m): (i64, f64)| DepthSample { time_s: seconds(t), depth_m };
-        let pose = |(t, Pose { tip, axis }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
+        let pose = |(t, Pose { tip, axis, roll_rad }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis, roll_rad };
         Self {
             source: String::new(),
             scene: None,

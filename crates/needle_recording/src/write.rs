@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::Recording;
+use super::adapter::orientation;
 use super::recording::{DepthSample, ForceSample, MarkerSample, PoseSample};
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::geometry_msgs::{Point, Pose, PoseArray, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
+use ros2_messages::geometry_msgs::{Point, Pose, PoseArray, PoseStamped, Vector3, Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, BagWriter, Qos, TopicId, WriterOptions, Written};
@@ -95,11 +96,12 @@ impl<'a> Topics<'a> {
                 joint.position[0] = *depth_m;
                 depth.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, joint))
             }
-            Sample::Pose(PoseSample { time_s, tip: [x, y, z], axis }) => {
+            Sample::Pose(sample) => {
+                let (PoseSample { time_s, tip: [x, y, z], .. }, orientation) = (sample, orientation(&sample.pose()));
                 let ns = stamp(*time_s);
                 let message = PoseStamped {
                     header: header(ns, &of.topics.frame_id),
-                    pose: Pose { position: Point { x: *x, y: *y, z: *z }, orientation: pointing(*axis) },
+                    pose: Pose { position: Point { x: *x, y: *y, z: *z }, orientation },
                 };
                 pose.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))
             }
@@ -165,11 +167,3 @@ impl Recording {
     }
 }
 
-/// The shortest rotation of +z to a unit vector.
-fn pointing([x, y, z]: [f64; 3]) -> Quaternion {
-    if z < -1.0 + 1e-12 {
-        return Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };
-    }
-    let norm = (2.0 * (1.0 + z)).sqrt();
-    Quaternion { x: -y / norm, y: x / norm, z: 0.0, w: 0.5 * norm }
-}

@@ -81,6 +81,41 @@ pub(super) fn deformation_csv(run: &Run) -> Option<String> {
     (!run.coefficients.is_empty()).then_some(text)
 }
 
+/// Content of `needle.csv`, one line per answered pose of a needle that bends: place of its tip and distance from that of the straight
+/// needle, force and torque at the load cell, all in frame `sample`; otherwise `None`.
+#[must_use]
+pub(super) fn needle_csv(run: &Run) -> Option<String> {
+    let mut text = String::from("time_s,depth_m,tip_x_m,tip_y_m,tip_z_m,aside_m,force_x_n,force_y_n,force_z_n");
+    text.push_str(",torque_x_nm,torque_y_nm,torque_z_nm\n");
+    for row in &run.needle {
+        push(&mut text, format_args!("{},{}", Cell(row.time_s), Cell(row.depth_m)));
+        let numbers = row.tip.iter().chain([&row.aside_m]).chain(&row.force_n).chain(&row.torque_nm);
+        numbers.for_each(|number| push(&mut text, format_args!(",{}", Cell(*number))));
+        text.push('\n');
+    }
+    (!run.needle.is_empty()).then_some(text)
+}
+
+/// Content of `shape.csv`: `time_s,depth_m,arc_m,x_m,y_m,z_m`, the places along a needle that bends from its clamp to its tip, at each of the run's
+/// snapshots; otherwise `None`.
+#[must_use]
+pub(super) fn shape_csv(run: &Run) -> Option<String> {
+    let mut text = String::from("time_s,depth_m,arc_m,x_m,y_m,z_m\n");
+    let empty = text.len();
+    for snapshot in &run.snapshots {
+        let (mut arc, mut before) = (0.0, None::<[f64; 3]>);
+        for place in &snapshot.needle {
+            let step = |from: [f64; 3]| (0..3).map(|k| (place[k] - from[k]).powi(2)).sum::<f64>().sqrt();
+            arc += before.map_or(0.0, step);
+            before = Some(*place);
+            let row = [snapshot.time_s, snapshot.depth_m, arc, place[0], place[1], place[2]].map(Cell);
+            let [time, depth, arc, x, y, z] = row;
+            push(&mut text, format_args!("{time},{depth},{arc},{x},{y},{z}\n"));
+        }
+    }
+    (text.len() > empty).then_some(text)
+}
+
 /// Content of `targets.csv`, one line per time and three columns per target, as plotting tools expect:
 /// `time_s,depth_m,NAME_x_m,NAME_y_m,NAME_z_m,...` (present position in frame `sample`).
 #[must_use]

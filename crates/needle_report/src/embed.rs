@@ -182,6 +182,7 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
         depth_m: run.answers.last().map_or(0.0, |a| a.depth_m),
         displacement: state.displacement.clone(),
         jacobian: state.jacobian.clone(),
+        needle: Vec::new(),
     };
     let moments = if run.snapshots.is_empty() { std::slice::from_ref(&last) } else { &run.snapshots };
     for snapshot in moments {
@@ -220,6 +221,10 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
         "azimuth": plane.azimuth,
         "instrument": run.instrument.as_ref().map(|i| instrument(i, &state.points)),
     });
+    let places = shown[0].needle.len();
+    if places > 1 && shown.iter().all(|s| s.needle.len() == places) {
+        view["needle"] = pack_f32(shown.iter().flat_map(|s| s.needle.iter().flatten().copied()));
+    }
     region_of_triangles(&mut view, &section, run);
     displacement(&mut view, &section, &shown);
     jacobian(&mut view, &section, &shown);

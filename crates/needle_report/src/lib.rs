@@ -81,7 +81,8 @@ const PNG_SCALE: f32 = 2.0;
 ///
 /// - `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`;
 /// - with an ensemble and a measured force `forecast.csv`, `keys.csv` and `reliability.svg`;
-/// - with friction `deformation.csv` and `.svg`.
+/// - with friction `deformation.csv` and `.svg`;
+/// - with a needle that bends `needle.csv` and `shape.csv`.
 ///
 /// # Errors
 /// [`ReportError`] naming the file and the reason. No file has then been replaced by an incomplete one.
@@ -98,6 +99,8 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
         ("forecast.csv", csv::forecast_csv(run)),
         ("keys.csv", csv::keys_csv(run)),
         ("deformation.csv", csv::deformation_csv(run)),
+        ("needle.csv", csv::needle_csv(run)),
+        ("shape.csv", csv::shape_csv(run)),
         ("deformation.svg", deformation_plot::deformation_plot(run).map(|picture| picture.to_svg())),
         ("reliability.svg", reliability_plot::reliability_plot(run).map(|picture| picture.to_svg())),
     ];

@@ -38,6 +38,7 @@ pub fn metrics_json(run: &Run) -> String {
         "stability": nulls.stability(),
         "effective_radius_m":
             nulls.number("effective_radius_m", run.effective_radius_m, "the instrument is no needle"),
+        "needle": needle(run),
         "puncture_depth_m": nulls.puncture_depth(),
         "events": events(run),
         "measured_events": measured_events(run),
@@ -55,6 +56,23 @@ pub fn metrics_json(run: &Run) -> String {
     let mut text = format!("{body:#}");
     text.push('\n');
     text
+}
+
+/// A needle that bends where its driver was deepest, and how far its tip was from that of the straight needle at most; null for another
+/// instrument.
+fn needle(run: &Run) -> Value {
+    let Some(deepest) = run.needle.iter().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m)) else { return Value::Null };
+    let aside = run.needle.iter().map(|row| row.aside_m).fold(0.0, f64::max);
+    json!({
+        "deepest": {
+            "depth_m": deepest.depth_m,
+            "tip_m": deepest.tip,
+            "aside_m": deepest.aside_m,
+            "force_n": deepest.force_n,
+            "torque_nm": deepest.torque_nm,
+        },
+        "largest_aside_m": aside,
+    })
 }
 
 /// Converts figures to JSON and records the reason of each null.

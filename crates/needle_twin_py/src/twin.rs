@@ -196,9 +196,16 @@ impl Twin {
         array::rows(py, out)
     }
 
+    /// Places along a needle that bends, from the driver's clamp to its tip, m, shape (n, 3); no rows for another instrument.
+    fn needle_shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let mut shape = Vec::new();
+        self.twin.needle_shape(&mut shape);
+        array::rows(py, shape.into_iter().map(|pose| pose.tip).collect())
+    }
+
     /// Tip and axis at a depth along the scene's own instrument axis.
     fn pose_at_depth(&self, depth_m: f64) -> ([f64; 3], [f64; 3]) {
-        let Pose { tip, axis } = self.twin.pose_at_depth(depth_m);
+        let Pose { tip, axis, .. } = self.twin.pose_at_depth(depth_m);
         (tip, axis)
     }
 
@@ -240,7 +247,7 @@ pub(crate) fn stamped(
 ) -> PyResult<StampedPose> {
     let pose = match (depth_m, tip, axis) {
         (Some(depth_m), None, None) => twin.pose_at_depth(depth_m),
-        (None, Some(tip), axis) => Pose { tip, axis: axis.map_or(Ok([0.0, 0.0, -1.0]), unit)? },
+        (None, Some(tip), axis) => Pose { tip, axis: axis.map_or(Ok([0.0, 0.0, -1.0]), unit)?, roll_rad: 0.0 },
         _ => return Err(PyValueError::new_err("give either depth_m, or tip and (where it is not straight down) axis")),
     };
     Ok(StampedPose { time_s, pose })

@@ -184,6 +184,7 @@ fn tissue(run: &mut Run, model: &TissueModel, heard: &Observations, origin_ns: i
             depth_m: s.value.depth_m,
             displacement: displacement(&s.value),
             jacobian: fields(s.stamp_ns).jacobian,
+            needle: Vec::new(),
         })
         .collect();
     let (triangles, cells) = (model.surface_triangles.chunks_exact(3), model.cells.chunks_exact(4));

@@ -413,6 +413,7 @@ mod tests {
             },
             work: Work::default(),
             boundaries_m: None,
+            bent_tip: None,
         }
     }
 

@@ -10,12 +10,13 @@ use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
 use super::solver::{Answer, Event, Progress, Sighting};
 use super::tf::{self, Transforms};
+use super::tissue::bends;
 use needle_core::instrument::reading::COORDINATE_M;
 use needle_core::scene::Scene;
 use needle_core::twin::Prediction;
 use needle_estimate::compare::crossing::{Crossing, Crossings};
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
+use ros2_messages::geometry_msgs::{PoseStamped, Wrench, WrenchStamped};
 use ros2_messages::needle_twin::{ForceComparison, TissueEvent};
 use ros2_messages::std_msgs::{Header, String as Text};
 use ros2_node::logging::Throttle;
@@ -63,6 +64,8 @@ pub(super) struct ForceOutputs {
     events: Output<TissueEvent>,
     assurance: Assurance,
     transforms: Option<Transforms>,
+    /// Tip of a needle that bends.
+    tip: Option<Output<PoseStamped>>,
 }
 
 impl ForceOutputs {
@@ -78,12 +81,14 @@ impl ForceOutputs {
             events: participant.publisher("events", qos::latest(EVENTS))?,
             assurance: Assurance::new(participant, parameters)?,
             transforms: Transforms::new(participant, parameters, scene)?,
+            tip: bends(scene).then(|| participant.publisher("predicted_tip", qos::reliable(10))).transpose()?,
         })
     }
 
     pub(crate) fn failed(&self) -> u64 {
         let transforms = self.transforms.as_ref().map_or(0, Transforms::failed);
-        self.force.failed() + self.comparison.failed() + self.region.failed() + self.events.failed() + transforms
+        let tip = self.tip.as_ref().map_or(0, Output::failed);
+        self.force.failed() + self.comparison.failed() + self.region.failed() + self.events.failed() + transforms + tip
     }
 }
 
@@ -112,7 +117,7 @@ pub(super) fn run(
         match events.recv_timeout(next.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
                 if transforms.is_some() && shared.is_active() {
-                    tip.put(Some((answer.stamp, answer.pose.pose)));
+                    tip.put(Some((answer.stamp, answer.bent_tip.unwrap_or(answer.pose.pose))));
                 }
                 if answered(outputs, frame_id, shared, &mut comparator, &answer) {
                     said.answered(&answer);
@@ -245,6 +250,12 @@ fn answered(
         header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
         wrench: Wrench { force: answer.prediction.force_n.into(), torque: answer.prediction.torque_nm.into() },
     });
+    if let (Some(output), Some(tip)) = (&outputs.tip, &answer.bent_tip)
+        && tip.tip.iter().chain(&tip.axis).all(|x| x.is_finite())
+    {
+        let header = Header { stamp: answer.stamp, frame_id: frame_id.to_owned() };
+        output.send(PoseStamped { header, pose: tf::pose(tip) });
+    }
     {
         let mut live = shared.lock();
         live.total.record(Instant::now() - answer.received);

@@ -225,7 +225,7 @@ impl Node {
         let inputs = Inputs::new(&mut participant)?;
         let force = ForceOutputs::new(&mut participant, parameters, scene)?;
         let page = Page::open(parameters, &shared, participant.bell())?;
-        let mut tissue = TissueOutputs::new(&mut participant)?;
+        let mut tissue = TissueOutputs::new(&mut participant, scene)?;
         tissue.viewers.page = page.as_ref().map(|page| Arc::clone(&page.board));
         tissue.viewers.link = Link::open(parameters, &shared)?;
         let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;

@@ -14,7 +14,7 @@ use super::tissue::{Model, Snapshot};
 use super::tracked::Seen;
 use super::under_way::{Goal, UnderWay};
 use needle_core::scene::Scene;
-use needle_core::twin::{FOLLOWED, Halt, Happening, Part, Prediction, StampedPose, Twin, Work as WorkDone};
+use needle_core::twin::{FOLLOWED, Halt, Happening, Part, Pose, Prediction, StampedPose, Twin, Work as WorkDone};
 use ros2_messages::builtin_interfaces::Time;
 
 /// An answered pose.
@@ -31,6 +31,8 @@ pub(super) struct Answer {
     pub work: WorkDone,
     /// [`Twin::boundaries_m`]
     pub boundaries_m: Option<[f64; FOLLOWED]>,
+    /// [`Twin::bent_tip`]
+    pub bent_tip: Option<Pose>,
 }
 
 /// An event detected by the solver.
@@ -232,6 +234,7 @@ impl Solver {
                 snapshot.take(&self.twin, self.stamp, self.depth_m);
                 snapshot.under_way = self.under_way.is_some();
                 let pose = self.pose.map_or_else(|| self.twin.pose_at_depth(0.0), |stamped| stamped.pose);
+                let pose = self.twin.bent_tip().unwrap_or(pose);
                 (snapshot.tip, snapshot.axis) = (pose.tip, pose.axis);
                 // Fails only if the tissue thread has ended.
                 let _ = snapshots.send(snapshot);
@@ -400,6 +403,7 @@ impl Solver {
                     prediction,
                     work: self.twin.work(),
                     boundaries_m: self.twin.boundaries_m(),
+                    bent_tip: self.twin.bent_tip(),
                 })
             }
             Err(Halt::Pose { reason }) => Event::Refused { depth_m: self.depth(input), reason },

@@ -126,6 +126,7 @@ impl Supervisor {
 mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
+    use needle_core::scene::Scene;
     use crate::ros::twin_node::declared::{Settings, declarations};
     use crate::ros::twin_node::judgement::{Around, judge};
     use ros2_messages::needle_twin::TwinStatus;
@@ -153,7 +154,7 @@ mod tests {
             autostart: true,
             shared: Arc::clone(&shared),
             inbox: Arc::default(),
-            tissue: Arc::new(TissueOutputs::new(&mut participant).unwrap()),
+            tissue: Arc::new(TissueOutputs::new(&mut participant, &Scene::preset("needle_insertion").unwrap()).unwrap()),
             built,
             models,
             bell: participant.bell(),

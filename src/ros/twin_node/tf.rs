@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 use super::declared;
 use needle_core::scene::Scene;
 use needle_core::twin::Pose;
+use needle_recording::orientation;
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::geometry_msgs::{Quaternion, Transform, TransformStamped, Vector3};
+use ros2_messages::geometry_msgs::{Pose as PoseMessage, Transform, TransformStamped, Vector3};
 use ros2_messages::std_msgs::Header;
 use ros2_messages::tf2_msgs::TFMessage;
 use ros2_node::parameters::Parameters;
@@ -69,7 +70,7 @@ impl Transforms {
     /// Publishes where the tip is.
     pub(crate) fn moved(&self, stamp: Time, pose: &Pose) {
         if self.moving.is_wanted() {
-            let there = Transform { translation: pose.tip.into(), rotation: rotation(pose.axis) };
+            let there = Transform { translation: pose.tip.into(), rotation: orientation(pose) };
             self.moving.send(TFMessage { transforms: vec![transform(stamp, &self.sample, &self.tip, there)] });
         }
     }
@@ -84,11 +85,9 @@ fn transform(stamp: Time, parent: &str, child: &str, transform: Transform) -> Tr
     TransformStamped { header, child_frame_id: child.to_owned(), transform }
 }
 
-/// The rotation that turns z into this unit vector, which does not point straight up: half a turn about x, then the
-/// shortest way from straight down. The twin does not know how an instrument is turned about its own axis.
-fn rotation([x, y, z]: [f64; 3]) -> Quaternion {
-    let norm = (2.0 * (1.0 - z)).sqrt();
-    Quaternion { x: (1.0 - z) / norm, y: 0.0, z: x / norm, w: (0.0 - y) / norm }
+/// A pose as a message has it.
+pub(super) fn pose(pose: &Pose) -> PoseMessage {
+    PoseMessage { position: pose.tip.into(), orientation: orientation(pose) }
 }
 
 /// The newest pose, until its transform is due.
@@ -126,6 +125,7 @@ impl Newest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ros2_messages::geometry_msgs::Quaternion;
 
     /// R z by the matrix of a quaternion.
     fn along(q: &Quaternion) -> [f64; 3] {
@@ -136,18 +136,19 @@ mod tests {
     fn the_tip_looks_along_the_instrument() {
         let (oblique, flat) = ([0.36, -0.48, -0.8], [0.6, 0.8, 0.0]);
         for axis in [[0.0, 0.0, -1.0], oblique, flat] {
-            let q = rotation(axis);
+            let q = orientation(&Pose { tip: [0.0; 3], axis, roll_rad: 0.0 });
             let norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
             assert!((norm - 1.0).abs() < 1e-15, "{q:?}");
             assert!(along(&q).iter().zip(axis).all(|(a, b)| (a - b).abs() < 1e-15), "{q:?} for {axis:?}");
         }
-        assert_eq!(rotation([0.0, 0.0, -1.0]), Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 });
+        let down = Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0], roll_rad: 0.0 };
+        assert_eq!(orientation(&down), Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 });
     }
 
     #[test]
     fn a_kilohertz_of_poses_is_a_hundred_transforms_and_the_last_one_is_among_them() {
         let begun = Instant::now();
-        let pose = Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0] };
+        let pose = Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0], roll_rad: 0.0 };
         let (mut newest, mut said) = (Newest::new(begun), Vec::new());
         for ms in 0..1005_u32 {
             newest.put(Some((Time::from_nanos(i64::from(ms)), pose)));

@@ -9,9 +9,10 @@ use super::inbox::Inbox;
 use super::page;
 use super::pictured::{cloud, marker};
 use super::shared::Shared;
+use super::tf;
 use super::viewers::Viewers;
-use needle_core::scene::Word as _;
-use needle_core::twin::{Along, Twin};
+use needle_core::scene::{Scene, Word as _};
+use needle_core::twin::{Along, Pose, Twin};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{self, PoseArray};
 use ros2_messages::needle_twin::{TissueModel, TissueState};
@@ -110,6 +111,8 @@ pub(super) struct Snapshot {
     pub jacobian: Vec<f64>,
     pub von_mises_pa: Vec<f64>,
     pub targets: Vec<[f64; 3]>,
+    /// Poses along a needle that bends, from the clamp to the tip.
+    pub shape: Vec<Pose>,
     /// Position of the instrument, and its direction into the sample.
     pub tip: [f64; 3],
     pub axis: [f64; 3],
@@ -129,11 +132,13 @@ pub(super) struct Wants {
     /// Volume ratio and stress: they cost more than the displacement.
     pub stress: bool,
     pub targets: bool,
+    /// The shape of a needle that bends.
+    pub shape: bool,
 }
 
 impl Wants {
     fn any(self) -> bool {
-        self.displacements || self.stress || self.targets
+        self.displacements || self.stress || self.targets || self.shape
     }
 
     fn and(self, other: Self) -> Self {
@@ -141,6 +146,7 @@ impl Wants {
             displacements: self.displacements || other.displacements,
             stress: self.stress || other.stress,
             targets: self.targets || other.targets,
+            shape: self.shape || other.shape,
         }
     }
 }
@@ -156,6 +162,9 @@ impl Snapshot {
         if self.wants.targets {
             twin.target_positions(&mut self.targets);
         }
+        if self.wants.shape {
+            twin.needle_shape(&mut self.shape);
+        }
         if self.wants.stress {
             twin.jacobian_and_stress(&mut self.jacobian, &mut self.von_mises_pa);
         }
@@ -164,7 +173,8 @@ impl Snapshot {
     fn is_finite(&self) -> bool {
         let vectors = self.displacements.iter().chain(&self.targets).flatten();
         let scalars = self.jacobian.iter().chain(&self.von_mises_pa);
-        vectors.chain(scalars).all(|v| v.is_finite())
+        let shape = self.shape.iter().flat_map(|pose| pose.tip.iter().chain(&pose.axis));
+        vectors.chain(scalars).chain(shape).all(|v| v.is_finite())
     }
 }
 
@@ -174,23 +184,32 @@ pub(super) struct TissueOutputs {
     pub points: Output<PointCloud2>,
     pub surface: Output<Marker>,
     pub targets: Output<PoseArray>,
+    /// Shape of a needle that bends.
+    pub shape: Option<Output<PoseArray>>,
     pub viewers: Viewers,
 }
 
+/// Whether a scene's needle bends.
+pub(super) fn bends(scene: &Scene) -> bool {
+    scene.instrument.as_ref().and_then(|i| i.needle()).is_some_and(|needle| needle.flexible.is_some())
+}
+
 impl TissueOutputs {
-    pub(crate) fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub(crate) fn new(participant: &mut Participant, scene: &Scene) -> Result<Self, ParticipantError> {
         // Best effort for large messages: for a suspended reliable reader RustDDS would keep every sample.
         Ok(Self {
             state: participant.publisher("tissue_state", qos::sensor(5))?,
             points: participant.publisher("tissue_points", qos::sensor(5))?,
             surface: participant.publisher("tissue_surface", qos::sensor(5))?,
             targets: participant.publisher("targets", qos::reliable(10))?,
+            shape: bends(scene).then(|| participant.publisher("predicted_shape", qos::reliable(10))).transpose()?,
             viewers: Viewers::default(),
         })
     }
 
     pub(crate) fn failed(&self) -> u64 {
-        self.state.failed() + self.points.failed() + self.surface.failed() + self.targets.failed()
+        let shape = self.shape.as_ref().map_or(0, Output::failed);
+        self.state.failed() + self.points.failed() + self.surface.failed() + self.targets.failed() + shape
     }
 
     /// The parts with a subscriber; a scene without targets publishes none.
@@ -200,13 +219,15 @@ impl TissueOutputs {
             displacements: cloud || self.state.is_wanted() || self.surface.is_wanted(),
             stress: cloud,
             targets: self.targets.is_wanted() && !model.target_names.is_empty(),
+            shape: self.shape.as_ref().is_some_and(Output::is_wanted),
         }
     }
 
     /// The parts that viewers see.
     fn viewers_want(&self, model: &Model) -> Wants {
         let watched = self.viewers.watch();
-        Wants { displacements: watched, stress: false, targets: watched && !model.target_names.is_empty() }
+        let targets = watched && !model.target_names.is_empty();
+        Wants { displacements: watched, stress: false, targets, shape: watched && self.shape.is_some() }
     }
 
     fn show(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
@@ -221,7 +242,11 @@ impl TissueOutputs {
     fn publish(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
         let header = Header { stamp: snapshot.stamp, frame_id: frame_id.to_owned() };
         // parts requested after the snapshot are in the next one
-        let Wants { displacements, stress, targets } = snapshot.wants;
+        let Wants { displacements, stress, targets, shape } = snapshot.wants;
+        if let Some(output) = self.shape.as_ref().filter(|output| shape && output.is_wanted()) {
+            let poses = snapshot.shape.iter().map(tf::pose).collect();
+            output.send(PoseArray { header: header.clone(), poses });
+        }
         if displacements && self.state.is_wanted() {
             self.state.send(TissueState {
                 header: header.clone(),

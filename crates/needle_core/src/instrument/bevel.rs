@@ -20,7 +20,7 @@
 //!
 //! and then it keeps the place that it was pushed to: the needle stands beside where tissue was cut, and is drawn there.
 
-use crate::scene::{Bevel, Needle};
+use crate::scene::Needle;
 
 /// Way back from the deepest point on which the push ends, over the needle's radius: what was cut lets go.
 const LETS_GO: f64 = 0.1;
@@ -35,8 +35,12 @@ pub(super) struct Push {
     /// Vertical length of the face, m.
     length: f64,
     radius: f64,
-    /// Force on the tissue at each place, N.
-    force: Vec<[f64; 3]>,
+    /// Directions in which the tip is pushed at a roll of 0 and of a quarter of a turn.
+    aside: [[f64; 3]; 2],
+    /// Roll that the scene has, rad.
+    roll: f64,
+    /// F_b at each place, N.
+    force: Vec<f64>,
 }
 
 impl Push {
@@ -44,14 +48,14 @@ impl Push {
     pub(super) fn new(needle: &Needle, layer: f64, cutting: impl Iterator<Item = f64>) -> Option<Self> {
         let bevel = needle.bevel?;
         let tangent = bevel.angle.get().tan();
-        let aside = aside(needle, &bevel);
-        let on_tissue = |cutting: f64| aside.map(|x| -bevel.force.unwrap_or(cutting / tangent) * x);
         let [x, y] = needle.slope();
         let length = needle.diameter.get() / tangent / (1.0 + x * x + y * y).sqrt();
         Some(Self {
             length: length.max(FEWEST_LAYERS * layer),
             radius: 0.5 * needle.diameter.get(),
-            force: cutting.map(on_tissue).collect(),
+            aside: aside(needle),
+            roll: bevel.roll.get(),
+            force: cutting.map(|cutting| bevel.force.unwrap_or(cutting / tangent)).collect(),
         })
     }
 
@@ -60,10 +64,13 @@ impl Push {
         ((d - z) / self.length).clamp(0.0, 1.0)
     }
 
-    /// Force on the layer at a place, h from the next, while the point is so far behind the deepest that it has been, m.
-    pub(super) fn on_layer(&self, place: usize, p: f64, h: f64, back: f64) -> [f64; 3] {
+    /// Force on the tissue of the layer at a place, h from the next, N, while the point is so far behind the deepest that it has been, m, and the
+    /// shaft is turned by an angle in rad.
+    pub(super) fn on_layer(&self, place: usize, p: f64, h: f64, back: f64, roll: f64) -> [f64; 3] {
         let cuts = (1.0 - back / (LETS_GO * self.radius)).clamp(0.0, 1.0);
-        self.force[place].map(|f| cuts * 6.0 * p * (1.0 - p) * h / self.length * f)
+        let (sin, cos) = (self.roll + roll).sin_cos();
+        let force = cuts * 6.0 * p * (1.0 - p) * h / self.length * self.force[place];
+        std::array::from_fn(|k| -force * (cos * self.aside[0][k] + sin * self.aside[1][k]))
     }
 
     /// Spring that leads a node of a layer, N/m, for mu h in N/m.
@@ -72,12 +79,10 @@ impl Push {
     }
 }
 
-/// Direction in which a bevel pushes its tip: a horizontal unit vector for an upright needle, across the path of another.
-fn aside(needle: &Needle, bevel: &Bevel) -> [f64; 3] {
+/// Directions in which a bevel pushes its tip, at no roll and after a quarter of a turn: a horizontal unit vector for an upright needle, across the
+/// path of another; and across the vertical plane of the path.
+fn aside(needle: &Needle) -> [[f64; 3]; 2] {
     let (sin, cos) = needle.azimuth.get().sin_cos();
     let (up, side) = needle.tilt.get().sin_cos();
-    // across the path within its vertical plane, and across that plane
-    let (first, second) = ([side * cos, side * sin, up], [-sin, cos, 0.0]);
-    let (s, c) = bevel.roll.get().sin_cos();
-    std::array::from_fn(|k| c * first[k] + s * second[k])
+    [[side * cos, side * sin, up], [-sin, cos, 0.0]]
 }

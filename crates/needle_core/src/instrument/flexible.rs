@@ -166,7 +166,7 @@ impl Bending {
     pub(super) fn tip(&self, straight: &Tip) -> Tip {
         let x = self.rod.vertices();
         let d = self.rod.tip_direction();
-        Tip { offset: x[x.len() - 1], depth: straight.depth, slope: [d[0] / d[2], d[1] / d[2]] }
+        Tip { offset: x[x.len() - 1], depth: straight.depth, slope: [d[0] / d[2], d[1] / d[2]], roll: straight.roll }
     }
 
     /// Places from the clamp to the tip, m.

@@ -48,6 +48,8 @@ pub struct Tip {
     pub depth: f64,
     /// Where the instrument's axis goes: lateral way per metre upwards from the tip; zero for a vertical instrument.
     pub slope: [f64; 2],
+    /// How far the instrument is turned about its axis from where the scene has it, rad.
+    pub roll: f64,
 }
 
 impl Tip {

@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn the_tries_are_bounded() {
         let mut twin = Twin::new(&Scene::preset("compression").unwrap()).unwrap();
-        let tip = Tip { offset: [0.0, 0.0, -1e-3], depth: 1e-3, slope: [0.0; 2] };
+        let tip = Tip { offset: [0.0, 0.0, -1e-3], depth: 1e-3, slope: [0.0; 2], roll: 0.0 };
         for (limit, tries) in [(1, 1), (10, 3), (u32::MAX, TRIES)] {
             twin.limit_steps(limit);
             (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, [f64::NAN; 3]));
@@ -181,7 +181,7 @@ mod tests {
         // a pose that diverges: no try is made
         let mut twin = new();
         twin.stop_on(std::sync::Arc::clone(&flag));
-        let tip = Tip { offset: [0.0, 0.0, -1e-3], depth: 1e-3, slope: [0.0; 2] };
+        let tip = Tip { offset: [0.0, 0.0, -1e-3], depth: 1e-3, slope: [0.0; 2], roll: 0.0 };
         (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, [f64::NAN; 3]));
         let lost = twin.advance_safely(2000, [0.0, 0.0, 1e-3], &tip, Phase::Indentation, 0.0);
         assert_eq!((lost, twin.progress.steps), (Err(Halt::Interrupted), 0));

@@ -43,11 +43,11 @@ impl Motion {
     /// The pose after `i` of the motion's poses.
     fn pose(&self, from: &StampedPose, i: u32) -> StampedPose {
         let share = f64::from(i) / f64::from(self.poses);
-        let Pose { tip, axis } = from.pose;
+        let Pose { tip, axis, .. } = from.pose;
         let way = share * self.distance_m;
         StampedPose {
             time_s: from.time_s + way.abs() / self.speed_m_per_s,
-            pose: Pose { tip: std::array::from_fn(|k| tip[k] + way * axis[k]), axis },
+            pose: Pose { tip: std::array::from_fn(|k| tip[k] + way * axis[k]), ..from.pose },
         }
     }
 }

@@ -69,6 +69,40 @@ pub struct Pose {
     pub tip: [f64; 3],
     /// Unit vector along the instrument, pointing into the sample; straight down is (0, 0, -1).
     pub axis: [f64; 3],
+    /// How far the instrument is turned about that axis from where the scene has it, rad, counter-clockwise as seen from above. Only a bevelled
+    /// tip is not the same for all of them.
+    pub roll_rad: f64,
+}
+
+impl Pose {
+    /// Two unit vectors across an axis: x as far as it is across, and what is a quarter of a turn further, counter-clockwise as seen from above.
+    fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
+        let most = |v: [f64; 3]| {
+            let along = v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2];
+            let across: [f64; 3] = std::array::from_fn(|k| v[k] - along * axis[k]);
+            let length = across.iter().map(|x| x * x).sum::<f64>().sqrt();
+            (length, across.map(|x| x / length))
+        };
+        let (length, x) = most([1.0, 0.0, 0.0]);
+        let first = if length > 1e-6 { x } else { most([0.0, 1.0, 0.0]).1 };
+        let [a, b] = [first, axis];
+        [first, [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]]
+    }
+
+    /// A pose whose instrument has the x axis of its own frame in a direction; z is its axis. Without roll x is as far along the frame's x as it
+    /// can be.
+    #[must_use]
+    pub fn with_x_axis(tip: [f64; 3], axis: [f64; 3], x: [f64; 3]) -> Self {
+        let [c, s] = Self::across(axis).map(|e| e[0] * x[0] + e[1] * x[1] + e[2] * x[2]);
+        Self { tip, axis, roll_rad: s.atan2(c) }
+    }
+
+    /// The x axis of the instrument's own frame, whose z is its axis.
+    #[must_use]
+    pub fn x_axis(&self) -> [f64; 3] {
+        let ([first, second], (s, c)) = (Self::across(self.axis), self.roll_rad.sin_cos());
+        std::array::from_fn(|k| c * first[k] + s * second[k])
+    }
 }
 
 /// A pose and when it was taken.
@@ -254,6 +288,8 @@ struct Progress {
     tip: [f64; 3],
     /// Where the instrument's axis met the undeformed top at the last pose, relative to the entry point, m.
     shaft: [f64; 2],
+    /// How far the instrument was turned about its axis then, rad.
+    roll: f64,
     phase: Phase,
     /// Time of the last pose that was answered, s.
     seen_s: Option<f64>,
@@ -276,6 +312,7 @@ impl Progress {
             recoveries: 0,
             tip: [0.0; 3],
             shaft: [0.0; 2],
+            roll: 0.0,
             phase: Phase::Approach,
             seen_s: None,
             speed: Speed::default(),
@@ -370,7 +407,7 @@ impl Twin {
         let path = self.path();
         let (cosine, [sx, sy]) = (1.0 / path.secant(), path.slope);
         let [x, y] = path.at(depth_m * cosine);
-        Pose { tip: [x, y, self.fixed.top - depth_m * cosine], axis: [sx * cosine, sy * cosine, -cosine] }
+        Pose { tip: [x, y, self.fixed.top - depth_m * cosine], axis: [sx * cosine, sy * cosine, -cosine], roll_rad: 0.0 }
     }
 
     /// Depth of a pose's tip below the undeformed top face along its own axis, m.

@@ -60,7 +60,26 @@ impl Twin {
         out.extend(shaft.places().iter().zip(directions).map(|(x, axis)| Pose {
             tip: std::array::from_fn(|k| start[k] + x[k]),
             axis,
+            roll_rad: self.progress.roll,
         }));
+    }
+
+    /// Where the tip of a needle that bends would be if it were straight, m; `None` for another instrument.
+    #[must_use]
+    pub fn straight_tip(&self) -> Option<[f64; 3]> {
+        let entry = self.path().entry;
+        let tip = self.progress.tip;
+        self.bends().then(|| [entry[0] + tip[0], entry[1] + tip[1], self.fixed.top + tip[2]])
+    }
+
+    /// Where the tip of a needle that bends is, and its direction; `None` for another instrument, which is where its pose says.
+    #[must_use]
+    pub fn bent_tip(&self) -> Option<Pose> {
+        let shaft = self.contact.as_ref().and_then(Contact::shaft)?;
+        let x = shaft.places().last()?;
+        let entry = self.path().entry;
+        let tip = [entry[0] + x[0], entry[1] + x[1], self.fixed.top + x[2]];
+        Some(Pose { tip, axis: shaft.directions().last()?, roll_rad: self.progress.roll })
     }
 
     /// Radius that the cloud gives a needle, m ([`crate::instrument::NeedlePath::effective_radius`]); `None` without a

@@ -136,6 +136,9 @@ impl Twin {
         let Some(contact) = &mut self.contact else {
             return Move { travel: [0.0; 3], moves: false, phase: Phase::Approach, steps: 0 };
         };
+        let needle = self.fixed.scene.instrument.as_ref().and_then(|i| i.needle());
+        let bevelled = needle.filter(|needle| needle.bevel.is_some()).map_or(0.0, |needle| 0.5 * needle.diameter.get());
+        let turned = bevelled * (tip.roll - self.progress.roll).sin().abs();
         let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
         self.solver.begin_cut();
         let (phase, event) = contact.impose(tip, &mut self.solver);
@@ -150,7 +153,7 @@ impl Twin {
         // above the surface the instrument moves, but not the tissue
         let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
         // a shaft that bends moves it, too, even where its driver stands
-        let distance = distance.max(bent);
+        let distance = distance.max(bent).max(turned);
         let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
         let relaxed = self.solver.stress_relaxation(time_s);
         let steps = self.progress.pace.steps(distance, self.solver.unlearnt(travel), self.solver.slowest(), relaxed);
@@ -175,6 +178,7 @@ impl Twin {
         self.happened.close(force_n);
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
+        self.progress.roll = tip.roll;
         self.progress.phase = phase;
         let before = self.progress.steps;
         self.progress.steps += u64::from(taken);
@@ -261,9 +265,9 @@ impl Twin {
 
     /// Checks a pose and expresses its tip relative to the entry point.
     pub(super) fn admit(&self, pose: &StampedPose) -> Result<Tip, Halt> {
-        let Pose { tip, axis } = pose.pose;
+        let Pose { tip, axis, roll_rad } = pose.pose;
         let refuse = |reason: String| Err(Halt::Pose { reason });
-        if !(pose.time_s.is_finite() && tip.iter().chain(&axis).all(|x| x.is_finite())) {
+        if !(pose.time_s.is_finite() && tip.iter().chain(&axis).chain([&roll_rad]).all(|x| x.is_finite())) {
             return refuse("it holds a number that is not finite".into());
         }
         let path = self.path();
@@ -307,18 +311,19 @@ impl Twin {
                 self.side_reach()
             ));
         }
+        let roll = roll_rad;
         if self.dimension() == Dimension::Axisymmetric {
-            return Ok(Tip { offset: [0.0, 0.0, offset[2]], depth, slope: [0.0; 2] });
+            return Ok(Tip { offset: [0.0, 0.0, offset[2]], depth, slope: [0.0; 2], roll });
         }
         let slope = [axis[0] / axis[2], axis[1] / axis[2], 0.0];
-        let Some(mirror) = self.fixed.mirror else { return Ok(Tip { offset, depth, slope: [slope[0], slope[1]] }) };
+        let Some(mirror) = self.fixed.mirror else { return Ok(Tip { offset, depth, slope: [slope[0], slope[1]], roll }) };
         let [x, y, _] = mirror.within(&slope);
-        Ok(Tip { offset: mirror.within(&offset), depth, slope: [x, y] })
+        Ok(Tip { offset: mirror.within(&offset), depth, slope: [x, y], roll })
     }
 
     /// Why a model with a symmetry can't follow a pose, if it can't.
     fn asymmetry(&self, pose: &Pose) -> Option<String> {
-        let Pose { tip, axis } = pose;
+        let Pose { tip, axis, roll_rad } = pose;
         let (beside, tilt, of, model) = match (self.dimension(), &self.fixed.mirror) {
             (Dimension::Axisymmetric, _) => {
                 (tip[0].hypot(tip[1]), axis[0].hypot(axis[1]), "the sample's axis", "an axisymmetric model")
@@ -329,7 +334,10 @@ impl Twin {
             _ => return None,
         };
         let most = SYMMETRIC * self.fixed.height;
-        let what = if tilt > SYMMETRIC {
+        let bevelled = self.fixed.scene.instrument.as_ref().and_then(|i| i.needle()).is_some_and(|n| n.bevel.is_some());
+        let what = if bevelled && roll_rad.sin().abs() > SYMMETRIC {
+            format!("its bevel is turned by {roll_rad:.4} rad out of {of}, and a sine of {SYMMETRIC} is taken")
+        } else if tilt > SYMMETRIC {
             format!("its axis leans by {tilt:.4} (sine) from {of}, and {SYMMETRIC} is taken")
         } else if tip[2] < self.fixed.top && beside > most {
             format!("its tip is {beside:.6} m beside {of}, and {most:.6} m is taken")

@@ -57,7 +57,7 @@ impl Way {
         let last = if self.to.offset[2] > 0.0 { self.strides } else { self.strides.saturating_sub(1) };
         (first..=last).filter(move |_| self.strides > 0).map(move |i| {
             let offset: [f64; 3] = std::array::from_fn(|k| from[k] + share(i) * (to[k] - from[k]));
-            Tip { offset, depth: -offset[2] * secant, slope: self.to.slope }
+            Tip { offset, depth: -offset[2] * secant, slope: self.to.slope, roll: self.to.roll }
         })
     }
 }

@@ -3,7 +3,7 @@
 use needle_core::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
+use super::{Answer, FinalState, NeedleRow, Occurrence, Run, Snapshot, TargetRow};
 use needle_core::twin::{Health, Prediction, Twin};
 
 /// Number of snapshots of a run whose length is known.
@@ -113,6 +113,17 @@ impl Collector {
         self.run.answers.push(answer);
         self.note_events(twin, time_s, axis);
         self.run.coefficients.extend(twin.deformation_coefficient().map(|c| [time_s, answer.depth_m, c]));
+        if let (Some(bent), Some(straight)) = (twin.bent_tip(), twin.straight_tip()) {
+            let aside: [f64; 3] = std::array::from_fn(|k| bent.tip[k] - straight[k]);
+            self.run.needle.push(NeedleRow {
+                time_s,
+                depth_m: prediction.depth_m,
+                tip: bent.tip,
+                aside_m: norm(aside),
+                force_n: prediction.force_n,
+                torque_nm: prediction.torque_nm,
+            });
+        }
         self.run.steps += u64::from(prediction.steps);
         self.run.wall_s += latency_s;
         self.run.simulated_s = self.run.simulated_s.max(time_s);
@@ -185,6 +196,9 @@ impl Collector {
         let mut snapshot = Snapshot { time_s, depth_m, ..Snapshot::default() };
         twin.displacements(&mut snapshot.displacement);
         twin.jacobian(&mut snapshot.jacobian);
+        let mut shape = Vec::new();
+        twin.needle_shape(&mut shape);
+        snapshot.needle = shape.into_iter().map(|pose| pose.tip).collect();
         self.run.snapshots.push(snapshot);
         if self.keep.save_every_s.is_none() && self.run.snapshots.len() > MOST_SNAPSHOTS {
             let mut index = 0;

@@ -128,6 +128,23 @@ pub struct FinalState {
     pub von_mises_pa: Vec<f64>,
 }
 
+/// A needle that bends, at one answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NeedleRow {
+    /// Time, s since the first pose.
+    pub time_s: f64,
+    /// Depth of the tip of the straight needle, m.
+    pub depth_m: f64,
+    /// Place of the tip in frame `sample`, m.
+    pub tip: [f64; 3],
+    /// Distance of the tip from that of the straight needle, m.
+    pub aside_m: f64,
+    /// Force at the load cell in frame `sample`, N.
+    pub force_n: [f64; 3],
+    /// Torque about the load cell's origin, N m.
+    pub torque_nm: [f64; 3],
+}
+
 /// The tissue at one time of a run.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Snapshot {
@@ -139,6 +156,8 @@ pub struct Snapshot {
     pub displacement: Vec<[f64; 3]>,
     /// Volume ratio at the same points; empty if it was not computed.
     pub jacobian: Vec<f64>,
+    /// Places along a needle that bends, from the clamp to the tip, m; empty for another instrument.
+    pub needle: Vec<[f64; 3]>,
 }
 
 /// The complete result of a finished run; `report` writes it to files.
@@ -165,6 +184,8 @@ pub struct Run {
     /// Deformation coefficient of a needle with friction: time, s since the first pose; depth, m; displacement of the
     /// tissue over that of the needle.
     pub coefficients: Vec<[f64; 3]>,
+    /// Where a needle that bends was at each answer.
+    pub needle: Vec<NeedleRow>,
     /// Names of the targets.
     pub target_names: Vec<String>,
     /// Their positions over time.

@@ -8,12 +8,12 @@ use super::layout::{self, Kind, Layout, Splitter};
 use super::number::number;
 use super::text::Text;
 use super::{Clock, Table, TableError, clock};
-use crate::adapter::forward;
+use crate::adapter::pose_of;
 use needle_core::twin::Pose;
 use ros2_messages::geometry_msgs::Quaternion;
 
 /// Direction of an instrument whose poses have no orientation: straight down.
-const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
+const HALF_A_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 /// Largest time that fits a stamp of 64 bits in ns, s.
 const LONGEST_S: f64 = 9e9;
 /// A larger step back in time starts a new recording, ns.
@@ -126,14 +126,13 @@ impl Cells<'_> {
             row.force_n = Some([self.component(x)?, self.component(y)?, self.component(z)?]);
         }
         if let Some(pose) = &columns.pose {
-            let axis = match &columns.orientation {
-                Some(quaternion) => {
-                    let forward = |[x, y, z, w]: [f64; 4]| forward(Quaternion { x, y, z, w }).map_err(drop);
-                    self.several(quaternion)?.map(forward).transpose()?
-                }
-                None => Some(DOWN),
+            let tip = self.several(pose)?;
+            let turned = match &columns.orientation {
+                Some(quaternion) => self.several(quaternion)?,
+                None => Some(HALF_A_TURN),
             };
-            row.pose = self.several(pose)?.zip(axis).map(|(tip, axis)| Pose { tip, axis });
+            let of = |(tip, [x, y, z, w]): ([f64; 3], [f64; 4])| pose_of(tip, Quaternion { x, y, z, w }).map_err(drop);
+            row.pose = tip.zip(turned).map(of).transpose()?;
         }
         if !columns.markers.is_empty() {
             // an empty cell means that the marker was not seen

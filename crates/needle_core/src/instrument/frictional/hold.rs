@@ -87,7 +87,7 @@ impl Frictional {
         let (mut spring, mut off) = (f64::INFINITY, [0.0; 2]);
         if let (false, Some(bevel)) = (rigid, &self.bevel) {
             spring = Push::lead(mu * gap);
-            let push = bevel.on_layer(layer, passed, gap, self.progress.front - self.progress.tip);
+            let push = bevel.on_layer(layer, passed, gap, self.progress.front - self.progress.tip, tip.roll);
             let nodes = self.shaft.layer(layer).len() as f64;
             off = [0, 1].map(|k| push[k] / (nodes * spring));
             let shift = self.shift(layer, solver);

@@ -298,6 +298,7 @@ impl Frictional {
             offset: axis.map(|a| self.start * a),
             depth: self.start,
             slope: [axis[0] / axis[2], axis[1] / axis[2]],
+            roll: 0.0,
         };
         self.hold(&tip, solver);
     }

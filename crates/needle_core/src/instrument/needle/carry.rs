@@ -115,7 +115,7 @@ impl NeedlePath {
         } else if let Some(bevel) = &self.bevel {
             let spring = self.share[i] * Push::lead(self.shear_modulus[i] * self.above[i]);
             let back = self.progress.state.deepest - depth;
-            let push = bevel.on_layer(i, capture.passed, self.above[i], back);
+            let push = bevel.on_layer(i, capture.passed, self.above[i], back, tip.roll);
             let part = self.part(i);
             let off = std::array::from_fn(|k| off[k] + part * push[k] / spring);
             self.guide(n, off, [&from, &to], s, spring, solver);

@@ -335,8 +335,8 @@ fn double_of<'a>(doubles: &'a mut Vec<Twin>, twin: &Twin) -> &'a mut Twin {
 
 /// A pose with the instrument advanced along its axis by a distance, m.
 fn moved(pose: &StampedPose, by_m: f64) -> StampedPose {
-    let Pose { tip, axis } = pose.pose;
-    StampedPose { pose: Pose { tip: std::array::from_fn(|i| tip[i] + by_m * axis[i]), axis }, ..*pose }
+    let Pose { tip, axis, .. } = pose.pose;
+    StampedPose { pose: Pose { tip: std::array::from_fn(|i| tip[i] + by_m * axis[i]), ..pose.pose }, ..*pose }
 }
 
 /// Force against the insertion, N.

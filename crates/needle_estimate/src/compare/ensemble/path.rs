@@ -173,7 +173,7 @@ pub(super) fn between(from: &[[f64; 3]], to: &[[f64; 3]], share: f64) -> Vec<[f6
 pub(super) fn deeper(reading: &Reading, by_m: f64) -> Reading {
     let at = match reading.at {
         At::Depth(depth_m) => At::Depth(depth_m + by_m),
-        At::Pose(Pose { tip, axis }) => At::Pose(Pose { tip: std::array::from_fn(|k| tip[k] + by_m * axis[k]), axis }),
+        At::Pose(pose) => At::Pose(Pose { tip: std::array::from_fn(|k| pose.tip[k] + by_m * pose.axis[k]), ..pose }),
     };
     Reading { at, ..*reading }
 }
