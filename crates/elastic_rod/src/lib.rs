@@ -25,7 +25,7 @@ use band::Band;
 /// Iterations after which a solution is given up.
 const MOST_ITERATIONS: usize = 500;
 /// Largest step of Newton's method that ends the search, over the rod's length.
-const CONVERGED: f64 = 1e-10;
+const CONVERGED: f64 = 1e-9;
 /// Times that the line search halves a step.
 const HALVINGS: u32 = 30;
 /// Largest step of a vertex against its neighbour at once, over a segment's length: the stretching energy is steep.

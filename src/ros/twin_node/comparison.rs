@@ -405,6 +405,7 @@ mod tests {
                 depth_m: 0.001,
                 force_n: [0.0, 0.0, force],
                 base_force_n: [0.0; 3],
+                template_force_n: [0.0; 3],
                 torque_nm: [0.0; 3],
                 phase: Phase::Indentation,
                 event: None,

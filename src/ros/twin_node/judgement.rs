@@ -271,6 +271,7 @@ mod tests {
                 depth_m: 0.012,
                 force_n: [0.0, 0.0, 1.0],
                 base_force_n: [0.0; 3],
+                template_force_n: [0.0; 3],
                 torque_nm: [0.0; 3],
                 phase: Phase::Indentation,
                 event: None,

@@ -1,14 +1,16 @@
 //! A shaft that bends: an elastic rod ([`elastic_rod`]), clamped in the driver, that the tissue holds along its length.
 //!
-//! Rod and tissue take turns, once for each place that the instrument goes to. The tissue holds the rod with the force f_i of each layer of nodes
+//! Rod and tissue take turns, on each twentieth of a radius of way. The tissue holds the rod with the force f_i of each layer of nodes
 //! that the needle holds, at the shape x_old that those nodes were moved to; how that force changes with the shape is taken to be a foundation,
 //!
 //! ```text
-//! f_i(x) = f_i - k_i P (x - x_old)        k_i = c mu h    h: length of the layer along the shaft, P: across the needle
+//! f_i(x) = f_i - k_i P (x - x_old - v_i d)    k_i = c mu h    h: length of the layer along the shaft, P: across the needle
 //! ```
 //!
-//! so the rod finds its next shape beside springs. Where rod and tissue rest, x = x_old, and k_i has no part in it: it only says how fast they come
-//! there. c is twice what a rigid rod in a wide block has (4 pi / ln of some hundred), for a search that doesn't overshoot.
+//! so the rod finds its next shape beside springs. v_i is how far the shaft has gone sideways at the layer per way of the driver, learnt on the way,
+//! and d the way since: a needle that goes on as it did has no lag. Where rod and tissue rest, x = x_old, and k_i has no part in it: it only says how
+//! fast they come there. c is some 15 times what a rigid rod in a wide block has (4 pi / ln of some hundred), since tissue that has just been moved
+//! resists by its inertia as well: with 20 the shape oscillates.
 //!
 //! Material that the tip has passed keeps its place at the shaft ([`super::needle`], [`super::frictional`]): the channel is where the tip has been, not
 //! the scene's straight path. A layer of the path's nodes stands for tissue at the channel, however far that is beside the path.
@@ -22,7 +24,13 @@ use super::Tip;
 /// Segments of the rod.
 const SEGMENTS: usize = 80;
 /// c of k_i.
-const FOUNDATION: f64 = 80.0;
+const FOUNDATION: f64 = 60.0;
+/// Way of the driver on which the rate is learnt, over the radius of the needle.
+const LEARNING: f64 = 0.5;
+/// Way between two looks at the tissue's force over the radius of the needle, and most poses between two: tissue that has just been moved needs
+/// some steps before its force says how it holds the needle.
+const LOOKS_APART: f64 = 0.05;
+const MOST_POSES: u32 = 8;
 /// Stiffness of the template's hole over E I / L^3 of the rod: next to rigid.
 const TEMPLATE: f64 = 1e8;
 /// Shapes that differ by less are the same, m: what no step of the tissue is worth.
@@ -31,12 +39,26 @@ const SAME_SHAPE: f64 = 1e-9;
 /// What holds the shaft at one layer of nodes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
+    /// Number of the layer.
+    pub layer: usize,
     /// Reference depth of the layer under the undeformed top, m.
     pub depth: f64,
     /// Force of the tissue on the needle, N.
     pub force: [f64; 3],
     /// mu h, N/m.
     pub shear: f64,
+}
+
+/// A layer that held the shaft at the last look.
+#[derive(Clone, Copy, Debug)]
+struct Hold {
+    layer: usize,
+    depth: f64,
+    /// Where the axis was there then, and before the present move, m.
+    seen: [f64; 2],
+    now: [f64; 2],
+    /// Where the straight segment between two vertices was there then, m.
+    anchor: [f64; 2],
 }
 
 cloned_field_by_field! {
@@ -51,9 +73,20 @@ cloned_field_by_field! {
         /// Direction of the hole.
         path: [f64; 3],
         forces: Vec<Force>,
+        /// Those of the layers, and at the end that of the template.
         springs: Vec<Spring>,
-        /// Depth of each layer that holds the shaft, and where the axis was there, m.
-        before: Vec<(f64, [f64; 2])>,
+        /// What held the shaft at the last look.
+        holds: Vec<Hold>,
+        /// v of each layer.
+        rate: Vec<[f64; 2]>,
+        /// Way of the driver on which it is learnt, and that between two looks, m.
+        learning: f64,
+        apart: f64,
+        /// d, and poses since the last look.
+        since: f64,
+        poses: u32,
+        /// The driver's last move, m.
+        last_move: [f64; 3],
         /// How far the shape has changed in the tissue at the last advance, m.
         moved: f64,
         /// Force of the template on the needle, N.
@@ -82,7 +115,13 @@ impl Bending {
             path,
             forces: Vec::with_capacity(layers),
             springs: Vec::with_capacity(layers + 1),
-            before: Vec::with_capacity(layers),
+            holds: Vec::with_capacity(layers),
+            rate: vec![[0.0; 2]; layers],
+            learning: LEARNING * 0.5 * needle.diameter.get(),
+            apart: LOOKS_APART * 0.5 * needle.diameter.get(),
+            since: 0.0,
+            poses: 0,
+            last_move: [0.0; 3],
             moved: 0.0,
             template_force: [0.0; 3],
         })
@@ -91,47 +130,86 @@ impl Bending {
     /// Straight again, out of the tissue.
     pub(super) fn reset(&mut self) {
         self.rod.straighten(&self.clamp);
+        self.rate.fill([0.0; 2]);
+        self.forces.clear();
+        self.springs.clear();
+        self.holds.clear();
+        (self.since, self.poses, self.last_move) = (0.0, 0, [0.0; 3]);
         (self.moved, self.template_force) = (0.0, [0.0; 3]);
     }
 
     /// Lets the driver go to where its straight needle would have that tip, and the rod to rest beside what holds it.
     pub(super) fn advance(&mut self, straight: &Tip, held: impl Iterator<Item = Held>) {
         let clamp = self.clamp_of(straight);
-        self.forces.clear();
-        self.springs.clear();
-        self.before.clear();
-        for Held { depth, force, shear } in held {
-            let arc = self.arc_at(depth);
-            self.forces.push(Force { arc, force });
-            let stiffness = FOUNDATION * shear;
-            self.springs.push(Spring { arc, place: self.rod.at(arc), axis: clamp.direction, stiffness });
-            self.before.push((depth, self.axis_at(depth)));
+        let moved: [f64; 3] = std::array::from_fn(|k| clamp.place[k] - self.clamp.place[k]);
+        if dot(moved, self.last_move) < 0.0 {
+            self.rate.fill([0.0; 2]);
+        }
+        let travel = dot(moved, moved).sqrt();
+        if travel > 0.0 {
+            self.last_move = moved;
+        }
+        self.poses += 1;
+        if self.since >= self.apart || self.poses >= MOST_POSES {
+            self.look(held, &clamp);
+        }
+        self.since += travel;
+        for at in &mut self.holds {
+            at.now = axis_at(&self.rod, at.depth);
         }
         let before = self.clamp;
         self.rod.carry(&before, &clamp);
-        // the layers stay where they are while the rod goes along them
-        let way = (0..3).map(|k| (clamp.place[k] - before.place[k]) * clamp.direction[k]).sum::<f64>();
-        let length = self.length;
-        let along = |arc: f64| (arc - way).clamp(0.0, length);
-        self.forces.iter_mut().for_each(|f| f.arc = along(f.arc));
-        self.springs.iter_mut().for_each(|s| s.arc = along(s.arc));
         self.clamp = clamp;
-        if let Some(place) = self.template.filter(|place| self.is_between(place[2])) {
-            let stiffness = TEMPLATE * self.rod.bending_stiffness() / self.length.powi(3);
-            let arc = self.arc_at(-place[2]);
-            self.springs.push(Spring { arc, place, axis: self.path, stiffness });
+        // the layers stay where they are while the rod goes along them
+        let way = dot(moved, clamp.direction);
+        for (i, hold) in self.holds.iter().enumerate() {
+            let (force, spring) = (&mut self.forces[i], &mut self.springs[i]);
+            force.arc = (force.arc - way).clamp(0.0, self.length);
+            spring.arc = force.arc;
+            let rate = self.rate[hold.layer];
+            (0..2).for_each(|k| spring.place[k] = hold.anchor[k] + rate[k] * self.since);
         }
-        // a rod that finds no rest keeps the shape with which it went along: the tissue is then as stiff as a rigid needle has it
+        self.springs.truncate(self.holds.len());
+        if let Some(place) = self.template.filter(|_| self.has_template()) {
+            let stiffness = TEMPLATE * self.rod.bending_stiffness() / self.length.powi(3);
+            self.springs.push(Spring { arc: arc_at(&self.rod, -place[2]), place, axis: self.path, stiffness });
+        }
+        // a rod that finds no rest keeps the shape with which it went along: the tissue then holds it as a rigid one
         let settled = self.rod.settle(&clamp, &self.forces, &self.springs).is_ok();
-        let gap = |(depth, before): &(f64, [f64; 2])| {
-            let [x, y] = self.axis_at(*depth);
-            (x - before[0]).hypot(y - before[1])
+        let gap = |hold: &Hold| {
+            let [x, y] = axis_at(&self.rod, hold.depth);
+            (x - hold.now[0]).hypot(y - hold.now[1])
         };
-        self.moved = self.before.iter().map(gap).fold(0.0, f64::max);
-        self.template_force = match self.springs.get(self.before.len()) {
+        self.moved = self.holds.iter().map(gap).fold(0.0, f64::max);
+        self.template_force = match self.springs.get(self.holds.len()) {
             Some(spring) if settled => spring.force(self.rod.at(spring.arc)),
             _ => [0.0; 3],
         };
+    }
+
+    /// Looks at what holds the rod, and learns how its shape has gone since the last look.
+    fn look(&mut self, held: impl Iterator<Item = Held>, clamp: &Clamp) {
+        if self.since > 0.0 {
+            let share = (self.since / self.learning).min(1.0);
+            for hold in &self.holds {
+                let (now, rate) = (axis_at(&self.rod, hold.depth), &mut self.rate[hold.layer]);
+                let seen: [f64; 2] = std::array::from_fn(|k| (now[k] - hold.seen[k]) / self.since);
+                *rate = std::array::from_fn(|k| rate[k] + share * (seen[k] - rate[k]));
+            }
+        }
+        (self.since, self.poses) = (0.0, 0);
+        self.forces.clear();
+        self.springs.clear();
+        self.holds.clear();
+        for Held { layer, depth, force, shear } in held {
+            let arc = arc_at(&self.rod, depth);
+            let place = self.rod.at(arc);
+            let stiffness = FOUNDATION * shear;
+            self.forces.push(Force { arc, force });
+            self.springs.push(Spring { arc, place, axis: clamp.direction, stiffness });
+            let seen = axis_at(&self.rod, depth);
+            self.holds.push(Hold { layer, depth, seen, now: seen, anchor: [place[0], place[1]] });
+        }
     }
 
     fn has_template(&self) -> bool {
@@ -189,41 +267,47 @@ impl Bending {
         })
     }
 
-    /// First of the two vertices about a height, and the share of the second: beyond the ends those of the last segment.
-    fn about(&self, z: f64) -> (usize, f64) {
-        let x = self.rod.vertices();
-        let i = x.partition_point(|v| v[2] > z).clamp(1, x.len() - 1) - 1;
-        (i, (x[i][2] - z) / (x[i][2] - x[i + 1][2]))
-    }
-
-    /// Arc length from the clamp at a depth under the top, m.
-    fn arc_at(&self, depth: f64) -> f64 {
-        let (i, share) = self.about(-depth);
-        ((i as f64 + share) * self.length / SEGMENTS as f64).clamp(0.0, self.length)
-    }
-
-    /// Lateral place of the needle's axis at a reference depth below the top, m: a cubic through four vertices, which has no kink where they are, and
-    /// past the tip a straight line.
+    /// Lateral place of the needle's axis at a reference depth below the top, m.
     pub(super) fn axis_at(&self, depth: f64) -> [f64; 2] {
-        let x = self.rod.vertices();
-        let last = x.len() - 1;
-        let z = -depth;
-        if z <= x[last][2] {
-            let d = self.rod.tip_direction();
-            return std::array::from_fn(|k| x[last][k] + d[k] / d[2] * (z - x[last][2]));
-        }
-        let (i, share) = self.about(z);
-        let slope = |j: usize, k: usize| {
-            let (a, b) = (j.saturating_sub(1), (j + 1).min(last));
-            (x[b][k] - x[a][k]) / (x[b][2] - x[a][2])
-        };
-        let (h, t) = (x[i + 1][2] - x[i][2], share);
-        std::array::from_fn(|k| {
-            let (t2, t3) = (t * t, t * t * t);
-            (2.0 * t3 - 3.0 * t2 + 1.0) * x[i][k]
-                + (t3 - 2.0 * t2 + t) * h * slope(i, k)
-                + (3.0 * t2 - 2.0 * t3) * x[i + 1][k]
-                + (t3 - t2) * h * slope(i + 1, k)
-        })
+        axis_at(&self.rod, depth)
     }
+}
+
+/// First of the two vertices about a height, and the share of the second: beyond the ends those of the last segment.
+fn about(rod: &Rod, z: f64) -> (usize, f64) {
+    let x = rod.vertices();
+    let i = x.partition_point(|v| v[2] > z).clamp(1, x.len() - 1) - 1;
+    (i, (x[i][2] - z) / (x[i][2] - x[i + 1][2]))
+}
+
+/// Arc length from the clamp at a depth under the top, m.
+fn arc_at(rod: &Rod, depth: f64) -> f64 {
+    let (i, share) = about(rod, -depth);
+    ((i as f64 + share) * rod.length() / SEGMENTS as f64).clamp(0.0, rod.length())
+}
+
+/// Lateral place of the axis at a depth, m: a cubic through four vertices, which has no kink where they are, and past the tip a straight line.
+fn axis_at(rod: &Rod, depth: f64) -> [f64; 2] {
+    let x = rod.vertices();
+    let (last, z) = (x.len() - 1, -depth);
+    if z <= x[last][2] {
+        let d = rod.tip_direction();
+        return std::array::from_fn(|k| x[last][k] + d[k] / d[2] * (z - x[last][2]));
+    }
+    let (i, t) = about(rod, z);
+    let slope = |j: usize, k: usize| {
+        let (a, b) = (j.saturating_sub(1), (j + 1).min(last));
+        (x[b][k] - x[a][k]) / (x[b][2] - x[a][2])
+    };
+    let (h, t2, t3) = (x[i + 1][2] - x[i][2], t * t, t * t * t);
+    std::array::from_fn(|k| {
+        (2.0 * t3 - 3.0 * t2 + 1.0) * x[i][k]
+            + (t3 - 2.0 * t2 + t) * h * slope(i, k)
+            + (3.0 * t2 - 2.0 * t3) * x[i + 1][k]
+            + (t3 - t2) * h * slope(i + 1, k)
+    })
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

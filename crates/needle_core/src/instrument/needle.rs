@@ -304,7 +304,7 @@ impl NeedlePath {
 
     /// What holds the shaft: layers of nodes with the tissue's force on each.
     fn held<'a>(&'a self, solver: &'a Solver) -> impl Iterator<Item = flexible::Held> + 'a {
-        let mut first = 0;
+        let (mut first, mut count) = (0, 0);
         std::iter::from_fn(move || {
             let (_, depth) = *self.nodes.get(first)?;
             let end = first + self.nodes[first..].partition_point(|(_, z)| *z < depth + SAME_LAYER);
@@ -320,7 +320,9 @@ impl NeedlePath {
             let whole = self.mirror.map_or(force, |mirror| mirror.within(&force).map(|x| 2.0 * x));
             let shear = self.shear_modulus[first] * self.above[first];
             first = end;
-            Some(holds.then_some(flexible::Held { depth, force: whole, shear }))
+            let layer = count;
+            count += 1;
+            Some(holds.then_some(flexible::Held { layer, depth, force: whole, shear }))
         })
         .flatten()
     }

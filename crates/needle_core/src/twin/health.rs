@@ -47,7 +47,7 @@ impl super::Prediction {
     #[must_use]
     pub fn model_error_n(&self) -> f64 {
         let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let unbalanced = length(std::array::from_fn(|k| self.force_n[k] + self.base_force_n[k]));
+        let unbalanced = length(self.unbalanced_n());
         (self.health.discretisation_error * length(self.force_n)).hypot(unbalanced)
     }
 }

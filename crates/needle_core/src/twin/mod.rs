@@ -126,6 +126,8 @@ pub struct Prediction {
     pub force_n: [f64; 3],
     /// Force of the tissue on the base, N: cancels `force_n` at rest, and lags behind while the instrument moves.
     pub base_force_n: [f64; 3],
+    /// Force on the needle of a template that holds it as well (`instrument.guide_z_m`), N; part of `force_n`, which is what the load cell bears.
+    pub template_force_n: [f64; 3],
     /// Torque of the tissue on the instrument about the load cell's origin (`instrument.load_cell_height_m`), axes of frame `sample`, N m.
     pub torque_nm: [f64; 3],
     /// Phase of the interaction.
@@ -136,6 +138,14 @@ pub struct Prediction {
     pub steps: u32,
     /// Health of the prediction.
     pub health: Health,
+}
+
+impl Prediction {
+    /// What the forces on instrument and base differ by, N: nothing at rest.
+    #[must_use]
+    pub fn unbalanced_n(&self) -> [f64; 3] {
+        std::array::from_fn(|k| self.force_n[k] - self.template_force_n[k] + self.base_force_n[k])
+    }
 }
 
 /// Why a pose has no answer.

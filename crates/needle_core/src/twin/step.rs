@@ -174,7 +174,9 @@ impl Twin {
         let corrected = |v| self.corrected(v, tip.depth);
         let (force_n, base_force_n) = (corrected(balance.instrument), corrected(balance.base));
         let torque_nm = corrected(self.torque(balance, tip));
-        let (force_n, torque_nm) = self.with_template(force_n, torque_nm, tip);
+        let (template_force_n, template_torque_nm) = self.template(tip);
+        let force_n = std::array::from_fn(|k| force_n[k] + template_force_n[k]);
+        let torque_nm = std::array::from_fn(|k| torque_nm[k] + template_torque_nm[k]);
         self.happened.close(force_n);
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
@@ -195,6 +197,7 @@ impl Twin {
             depth_m: tip.depth,
             force_n,
             base_force_n,
+            template_force_n,
             torque_nm,
             phase,
             event: None,
@@ -221,14 +224,13 @@ impl Twin {
         std::array::from_fn(|k| tip.offset[k] + height * up[k] / length)
     }
 
-    /// Force in N and torque in N m at the load cell of a needle that a template holds as well: that takes its share of what the tissue does.
-    fn with_template(&self, force_n: [f64; 3], torque_nm: [f64; 3], tip: &Tip) -> ([f64; 3], [f64; 3]) {
+    /// Force in N of a template on a needle that it holds as well, and its torque about the load cell in N m: what they take from that.
+    fn template(&self, tip: &Tip) -> ([f64; 3], [f64; 3]) {
         let Some((by, at)) = self.contact.as_ref().and_then(Contact::shaft).and_then(Bending::template) else {
-            return (force_n, torque_nm);
+            return ([0.0; 3], [0.0; 3]);
         };
         let cell = self.load_cell(tip);
-        let turn = cross(&std::array::from_fn(|k| at[k] - cell[k]), &by);
-        (std::array::from_fn(|k| force_n[k] + by[k]), std::array::from_fn(|k| torque_nm[k] + turn[k]))
+        (by, cross(&std::array::from_fn(|k| at[k] - cell[k]), &by))
     }
 
     /// Limits the steps per pose to what there is time for: a live twin that can't keep up takes fewer, larger steps rather

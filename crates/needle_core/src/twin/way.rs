@@ -8,9 +8,13 @@ use crate::instrument::reading::SPEED_M_PER_S;
 use crate::instrument::{Contact, Tip};
 
 use super::{StampedPose, Twin, pierce};
+use crate::scene::Scene;
 
 /// Length of a stride over the height of the body; a jump of less than two strides is made at once (but for a needle with friction).
 const STRIDE: f64 = 0.0125;
+/// Shortest stride of a needle that bends over its radius, and how many a jump is made in until they are ten times as long.
+const BENDING_STRIDE: f64 = 0.05;
+const BENDING_STRIDES: f64 = 40.0;
 /// Fastest motion that is accepted, over the speed of the scene's own motion.
 const OWN_SPEED: f64 = 2.0;
 
@@ -62,6 +66,12 @@ impl Way {
     }
 }
 
+/// Length of a stride of a needle that bends, m: rod and tissue find each other once in each.
+fn bending_stride(scene: &Scene, length: f64) -> f64 {
+    let radius = 0.5 * scene.instrument.and_then(|i| i.needle_diameter_m()).unwrap_or(0.0);
+    (length / BENDING_STRIDES).clamp(BENDING_STRIDE * radius, 10.0 * BENDING_STRIDE * radius)
+}
+
 impl Twin {
     /// The way from the last pose.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
@@ -82,6 +92,7 @@ impl Twin {
     fn stride(&self, length: f64) -> (f64, f64) {
         match &self.contact {
             Some(Contact::Frictional(n)) => (pierce::stride(n.radius(), length), 1.0),
+            Some(contact) if contact.shaft().is_some() => (bending_stride(&self.fixed.scene, length), 1.0),
             _ => (STRIDE * self.fixed.height, 2.0),
         }
     }

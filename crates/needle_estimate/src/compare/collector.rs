@@ -168,7 +168,7 @@ impl Collector {
         self.run.constraint_error_m = self.run.constraint_error_m.max(health.constraint_error_m);
         self.run.note_folds(prediction.depth_m, health.folded_energy);
         // Both are forces of the tissue on its supports: in equilibrium they sum to zero.
-        let unbalanced = std::array::from_fn(|k| prediction.base_force_n[k] + prediction.force_n[k]);
+        let unbalanced = prediction.unbalanced_n();
         self.imbalance_n = self.imbalance_n.max(norm(unbalanced));
         self.imbalance_n2 += dot(unbalanced, unbalanced);
         self.peak_n = self.peak_n.max(norm(prediction.force_n));

@@ -188,7 +188,7 @@ impl Frictional {
                 (0..3).for_each(|k| force[k] -= f[k]);
             }
             let shear = self.shaft.share(layer, f64::INFINITY, |r| r.shear_modulus);
-            flexible::Held { depth: cosine * self.shaft.depths[layer], force, shear }
+            flexible::Held { layer, depth: cosine * self.shaft.depths[layer], force, shear }
         });
         bending.advance(straight, held);
         let tip = bending.tip(straight);
