@@ -76,7 +76,8 @@ impl NeedlePath {
             }
             _ => {
                 let shift = self.layer_shift(z, solver);
-                let shift = if hold == Hold::Indented { shift } else { carried(shift, behind) };
+                let as_it_is = hold == Hold::Indented || self.bevel.is_some();
+                let shift = if as_it_is { shift } else { carried(shift, behind) };
                 let since = if matches!(hold, Hold::Left(_)) { depth } else { self.entered(i, depth) };
                 Capture { since, from: solver.parameters()[n], axis, beside: beside(shift), passed }
             }
