@@ -9,6 +9,7 @@ use needle_estimate::batch::{ManifestError, MergeError};
 use needle_estimate::calibrate::CalibrateError;
 use needle_estimate::compare::ensemble::EnsembleError;
 use needle_estimate::layers::LayersError;
+use needle_estimate::plan::PlanError;
 use needle_recording::RecordingError;
 use needle_report::ReportError;
 use needle_studies::accuracy::StudyError;
@@ -33,6 +34,9 @@ pub(crate) enum CliError {
         /// Why.
         source: BuildError,
     },
+    /// There is no plan.
+    #[error("no plan: {0}")]
+    Plan(Box<PlanError>),
     /// A sample that has no simple shape needs a file for its surface.
     #[error("the sample of scene {scene} is a mesh: say with --mesh FILE.stl where its surface is to be written")]
     NoMeshFile {

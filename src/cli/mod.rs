@@ -19,6 +19,7 @@ mod members;
 mod nodes;
 mod options;
 mod output;
+mod plan;
 mod processor;
 mod progress;
 mod recorded;
@@ -69,6 +70,7 @@ enum Command {
     Batch(batch::Arguments),
     Solve(solve::Arguments),
     Forecast(forecast::Arguments),
+    Plan(plan::Arguments),
     Study(study::Arguments),
     Tune(tune::Arguments),
     Scene(scene::Arguments),
@@ -136,6 +138,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Calibrate(arguments)) => calibrate::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Forecast(arguments)) => forecast::run(&arguments),
+        Some(Command::Plan(arguments)) => plan::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),
         Some(Command::Tune(arguments)) => tune::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),

@@ -116,6 +116,16 @@ const HALF_PLANE: [(&str, &str); 3] = [
 const HALF: [(&str, &str); 3] =
     [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.2"), ("instrument.tilt_rad", "0.2")];
 
+// in the half, a wire with a bevelled tip
+const BENDING: [(&str, &str); 6] = [
+    ("discretisation.dimension", "mirrored"),
+    ("instrument.tip", "bevel"),
+    ("instrument.bevel_force_n", "0.001"),
+    ("instrument.flexible", "true"),
+    ("instrument.length_m", "0.1"),
+    ("instrument.outer_diameter_m", "0.0005"),
+];
+
 const FRICTIONAL: [(&str, &str); 7] = [
     ("discretisation.dimension", "axisymmetric"),
     ("instrument.interaction", "frictional"),
@@ -208,6 +218,7 @@ fn a_step_allocates_nothing() {
         ("indentation", &GEL),
         ("needle_insertion", &HALF_PLANE),
         ("needle_insertion", &HALF),
+        ("needle_insertion", &BENDING),
         ("needle_insertion", &FRICTIONAL),
     ] {
         let mut twin = on_two_threads(&scene(preset, changes));

@@ -14,3 +14,4 @@ pub mod compare;
 pub mod forecast;
 pub mod layers;
 pub mod learnt_law;
+pub mod plan;

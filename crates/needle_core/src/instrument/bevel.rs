@@ -27,7 +27,7 @@ const LETS_GO: f64 = 0.1;
 /// Layers that a face reaches over, at least.
 const FEWEST_LAYERS: f64 = 2.0;
 /// Spring with which a layer beside a face is led, over mu h of a node: to where the layer is, so that its force is the push.
-const LEAD: f64 = 20.0;
+const LEAD: f64 = 3.0;
 
 /// A bevel's push on the tissue, by places along the path.
 #[derive(Clone, Debug)]
@@ -71,6 +71,12 @@ impl Push {
         let (sin, cos) = (self.roll + roll).sin_cos();
         let force = cuts * 6.0 * p * (1.0 - p) * h / self.length * self.force[place];
         std::array::from_fn(|k| -force * (cos * self.aside[0][k] + sin * self.aside[1][k]))
+    }
+
+    /// Force on the needle of a layer that is pushed: across the axis the push, along it what the tissue has.
+    pub(super) fn on_needle(&self, force: [f64; 3], axis: [f64; 3], push: [f64; 3]) -> [f64; 3] {
+        let along = (0..3).map(|k| (force[k] + push[k]) * axis[k]).sum::<f64>();
+        std::array::from_fn(|k| along * axis[k] - push[k])
     }
 
     /// Spring that leads a node of a layer, N/m, for mu h in N/m.

@@ -45,7 +45,7 @@ pub(super) struct Held {
     pub depth: f64,
     /// Force of the tissue on the needle, N.
     pub force: [f64; 3],
-    /// mu h, N/m.
+    /// mu h, N/m; 0 where tissue goes along with a force and not with the shaft.
     pub shear: f64,
 }
 
@@ -129,6 +129,7 @@ impl Bending {
 
     /// Straight again, out of the tissue.
     pub(super) fn reset(&mut self) {
+        self.clamp = Clamp { place: self.path.map(|c| -self.length * c), direction: self.path };
         self.rod.straighten(&self.clamp);
         self.rate.fill([0.0; 2]);
         self.forces.clear();
@@ -150,7 +151,7 @@ impl Bending {
             self.last_move = moved;
         }
         self.poses += 1;
-        if self.since >= self.apart || self.poses >= MOST_POSES {
+        if self.since >= self.apart || self.poses >= MOST_POSES || travel <= 0.0 {
             self.look(held, &clamp);
         }
         self.since += travel;

@@ -45,7 +45,7 @@ use mtled::mirror::Mirror;
 use mtled::solver::{Role, Solver};
 
 use super::bevel::Push;
-use super::capture::Hold;
+use super::capture::{Capture, Hold};
 use super::flexible::{self, Bending};
 use super::puncture::{Strained, is_withdrawn};
 
@@ -130,6 +130,8 @@ cloned_field_by_field! {
         withdrawn: bool,
         /// Depth of the tip below the top face at the pose before, m.
         tip: f64,
+        /// Roll of the shaft then, rad.
+        roll: f64,
         /// The shaft, if it bends.
         shaft: Option<Bending>,
     }
@@ -189,6 +191,7 @@ impl NeedlePath {
                 strained: Strained::default(),
                 withdrawn: false,
                 tip: 0.0,
+                roll: 0.0,
                 shaft: None,
             },
             bevel: None,
@@ -289,7 +292,7 @@ impl NeedlePath {
     pub(super) fn impose(&mut self, straight: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         let tip = &self.bend(straight, solver);
         let answered = self.go_to(tip, solver);
-        self.progress.tip = -tip.offset[2];
+        (self.progress.tip, self.progress.roll) = (-tip.offset[2], tip.roll);
         answered
     }
 
@@ -318,13 +321,24 @@ impl NeedlePath {
                 }
             }
             let whole = self.mirror.map_or(force, |mirror| mirror.within(&force).map(|x| 2.0 * x));
-            let shear = self.shear_modulus[first] * self.above[first];
+            let (whole, holds_aside) = self.beside_bevel(first, whole);
+            let shear = if holds_aside { self.shear_modulus[first] * self.above[first] } else { 0.0 };
             first = end;
             let layer = count;
             count += 1;
             Some(holds.then_some(flexible::Held { layer, depth, force: whole, shear }))
         })
         .flatten()
+    }
+
+    /// Force of a layer on the needle, N: beside a bevel that has not passed it, across the needle, what it is pushed with, since tissue that has yet
+    /// to follow the push doesn't bear all of it. And whether the layer holds the needle aside.
+    fn beside_bevel(&self, i: usize, force: [f64; 3]) -> ([f64; 3], bool) {
+        let Hold::Captured(Capture { passed, .. }) = self.progress.hold[i] else { return (force, true) };
+        let Some(bevel) = self.bevel.as_ref().filter(|_| passed < 1.0) else { return (force, true) };
+        let back = self.progress.state.deepest - self.progress.tip;
+        let push = bevel.on_layer(i, passed, self.above[i], back, self.progress.roll);
+        (bevel.on_needle(force, self.axis(), push), false)
     }
 
     /// Lateral place of the needle's axis at a reference depth, m.
@@ -392,7 +406,7 @@ impl NeedlePath {
         self.progress.state = Insertion { punctured: false, deepest: 0.0 };
         self.progress.strained = Strained::default();
         self.progress.withdrawn = false;
-        self.progress.tip = 0.0;
+        (self.progress.tip, self.progress.roll) = (0.0, 0.0);
         if let Some(shaft) = &mut self.progress.shaft {
             shaft.reset();
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::size::MEMORY_LIMIT;
 use super::values::Values;
-use super::{Dimension, Instrument, InstrumentKind, Motion, Scene, SceneError, Shape, Value};
+use super::{Dimension, Instrument, InstrumentKind, Motion, Needle, Scene, SceneError, Shape, Value};
 
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
@@ -127,9 +127,49 @@ impl Check<'_> {
                     );
                 }
                 self.within_top_face("instrument.capture_radius_m", &instrument, radius)?;
+                self.tip(&instrument, &needle)?;
+                self.bending(&needle)?;
                 self.path(&instrument, radius)
             }
         }
+    }
+
+    /// A bevel's push is known.
+    fn tip(&self, instrument: &Instrument, needle: &Needle) -> Result<(), SceneError> {
+        let Some(bevel) = needle.bevel else { return Ok(()) };
+        let cut = self.scene.materials.iter().any(|m| m.pierced.cutting_force > 0.0 || m.pierced.fracture_toughness > 0.0);
+        if bevel.force.is_none() && !instrument.is_frictional() && !cut {
+            let reason = "a kinematic needle has no cutting force of which that could be a part: give the force in N with which the \
+                          bevel pushes the tip aside, or set instrument.interaction = \"frictional\" with instrument.cutting_force_n";
+            return self.refuse("instrument.bevel_force_n", reason.to_owned());
+        }
+        Ok(())
+    }
+
+    /// A needle that bends is a tube which reaches from the driver, through a template, into the tissue.
+    fn bending(&self, needle: &Needle) -> Result<(), SceneError> {
+        let Some(flexible) = needle.flexible else { return Ok(()) };
+        let outer = flexible.outer_diameter.unwrap_or(needle.diameter).get();
+        if flexible.inner_diameter.get() >= outer {
+            let reason = format!("the tube has no wall: its outer diameter is {outer} m");
+            return self.refuse("instrument.inner_diameter_m", reason);
+        }
+        let depth = self.scene.motion.map_or(0.0, |m| m.depth.get());
+        if flexible.length.get() <= depth {
+            let reason = format!("the driver's clamp would come to the tissue: motion.depth_m is {depth}");
+            return self.refuse("instrument.length_m", reason);
+        }
+        let (Some(guide), Some(height)) = (flexible.guide_z, self.scene.sample.shape.height()) else { return Ok(()) };
+        let (guide, top) = (guide.get(), height.get());
+        if guide < top {
+            return self.refuse("instrument.guide_z_m", format!("within the sample, whose top is at {top} m"));
+        }
+        let clamp = top + flexible.length.get() - depth;
+        if guide >= clamp {
+            let reason = format!("the driver's clamp would come to the template: at motion.depth_m it is at {clamp} m");
+            return self.refuse("instrument.guide_z_m", reason);
+        }
+        Ok(())
     }
 
     /// The disc of this radius round the entry point lies in the top face.

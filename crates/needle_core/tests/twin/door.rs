@@ -41,7 +41,7 @@ fn a_tip_that_comes_from_far_beside_takes_no_more_steps() {
     let mut twin = alone(|| Twin::new(&scene).unwrap());
     let straight = at_depth(&mut twin, 2e-3).steps;
     twin.reset();
-    let up = Pose { tip: [9.0, -9.0, 9.0], axis: [0.0, 0.0, -1.0] };
+    let up = Pose { tip: [9.0, -9.0, 9.0], axis: [0.0, 0.0, -1.0], roll_rad: 0.0 };
     assert_eq!(twin.step(StampedPose { time_s: 0.0, pose: up }).unwrap().steps, 0);
     assert_eq!(at_depth(&mut twin, 2e-3).steps, straight);
 }

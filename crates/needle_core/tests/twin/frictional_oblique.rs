@@ -83,7 +83,7 @@ fn an_oblique_needle_is_held_as_an_upright_one() {
 /// Force on a needle as deep as this in m that is moved by 0.1 mm sideways, N.
 fn moved_aside(twin: &mut Twin, depth: f64) -> f64 {
     let mut to = |aside: f64| {
-        let pose = Pose { tip: [aside, 0.0, 0.017 - depth], axis: [0.0, 0.0, -1.0] };
+        let pose = Pose { tip: [aside, 0.0, 0.017 - depth], axis: [0.0, 0.0, -1.0], roll_rad: 0.0 };
         twin.step(StampedPose { time_s: 0.0, pose }).unwrap()
     };
     for k in 1..20_u32 {

@@ -19,6 +19,7 @@ mod mesh_files;
 mod mesh_hexahedra;
 mod mesh_import;
 mod mirrored;
+mod needle_bending;
 mod needle_capture;
 mod needle_friction;
 mod needle_motion;

@@ -26,7 +26,7 @@ fn pulled_where_it_presses(coefficient: f64, aside_m: f64) -> [f64; 2] {
     let cloud = "dimension = \"full\"\nspacing_m = 2.5e-3\nedge_refinement = 0.2\n";
     let mut twin = built(&needle, cloud, "start_depth_m = 0.012\ndepth_m = 0.013\n");
     let mut step = |aside: f64, depth: f64| {
-        let pose = Pose { tip: [aside, 0.0, 0.017 - depth], axis: [0.0, 0.0, -1.0] };
+        let pose = Pose { tip: [aside, 0.0, 0.017 - depth], axis: [0.0, 0.0, -1.0], roll_rad: 0.0 };
         twin.step(StampedPose { time_s: 0.0, pose }).unwrap()
     };
     let beside = (1..=30).map(|k| step(aside_m * f64::from(k) / 30.0, 0.012)).last().unwrap();

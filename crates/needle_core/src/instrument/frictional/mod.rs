@@ -92,6 +92,8 @@ cloned_field_by_field! {
         friction: f64,
         /// Sign of the friction with which the whole shaft slips, 0 where it sticks.
         slips: f64,
+        /// Roll of the shaft, rad.
+        roll: f64,
         /// The shaft, if it bends.
         bending: Option<Bending>,
     }
@@ -137,6 +139,7 @@ impl Frictional {
             released: None,
             friction: 0.0,
             slips: 0.0,
+            roll: 0.0,
             bending: None,
         };
         let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
@@ -182,15 +185,25 @@ impl Frictional {
         let Some(mut bending) = self.progress.bending.take() else { return *straight };
         let cosine = -self.shaft.axis[2];
         let held = (0..self.shaft.depths.len()).filter(|layer| self.progress.grip[*layer] != Grip::Free).map(|layer| {
-            let mut force = [0.0; 3];
+            let (depth, mut force) = (cosine * self.shaft.depths[layer], [0.0; 3]);
             for &n in &self.shaft.nodes[self.shaft.layer(layer)] {
                 let f = solver.internal_force(n as usize);
                 (0..3).for_each(|k| force[k] -= f[k]);
             }
+            if let Some(bevel) = &self.bevel {
+                let [tip, front, z] = [self.progress.tip, self.progress.front, self.shaft.depths[layer]];
+                let p = bevel.passed(tip, z);
+                let gap = z - layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
+                let push = bevel.on_layer(layer, p, gap, front - tip, self.progress.roll);
+                if p < 1.0 {
+                    return flexible::Held { layer, depth, force: bevel.on_needle(force, self.shaft.axis, push), shear: 0.0 };
+                }
+            }
             let shear = self.shaft.share(layer, f64::INFINITY, |r| r.shear_modulus);
-            flexible::Held { layer, depth: cosine * self.shaft.depths[layer], force, shear }
+            flexible::Held { layer, depth, force, shear }
         });
         bending.advance(straight, held);
+        self.progress.roll = straight.roll;
         let tip = bending.tip(straight);
         self.progress.bending = Some(bending);
         tip
@@ -378,7 +391,7 @@ impl Frictional {
         // a solver that was reset has all cells filled with tissue again
         p.filled.fill(0.0);
         (p.broken, p.released) = (None, None);
-        (p.friction, p.slips, p.depth, p.elapsed) = (0.0, 0.0, 0.0, f64::INFINITY);
+        (p.friction, p.slips, p.roll, p.depth, p.elapsed) = (0.0, 0.0, 0.0, 0.0, f64::INFINITY);
         if let Some(shaft) = &mut self.progress.bending {
             shaft.reset();
         }

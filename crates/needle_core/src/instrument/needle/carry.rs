@@ -150,7 +150,7 @@ impl NeedlePath {
     }
 
     /// Unit vector along the path, into the sample.
-    fn axis(&self) -> [f64; 3] {
+    pub(super) fn axis(&self) -> [f64; 3] {
         let secant = 1.0_f64.hypot(self.slope[0]).hypot(self.slope[1]);
         [self.slope[0], self.slope[1], -1.0].map(|x| x / secant)
     }

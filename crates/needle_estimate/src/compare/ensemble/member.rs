@@ -66,7 +66,8 @@ impl Member {
 /// because round-off changes the number of steps of a pose (docs/uncertainty.md).
 fn is_proportional(scene: &Scene) -> bool {
     let instrument = scene.instrument.is_none_or(|i| match i.kind {
-        InstrumentKind::Needle(_) => !i.is_frictional(),
+        // what bends, or is pushed aside by a force, does not scale with the tissue
+        InstrumentKind::Needle(needle) => !i.is_frictional() && needle.flexible.is_none() && needle.bevel.is_none(),
         InstrumentKind::Plate | InstrumentKind::Indenter { .. } => i.is_bonded(),
     });
     scene.regions.is_empty() && scene.sample.base == Base::Bonded && instrument
