@@ -117,7 +117,8 @@ const HALF: [(&str, &str); 3] =
     [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.2"), ("instrument.tilt_rad", "0.2")];
 
 // in the half, a wire with a bevelled tip
-const BENDING: [(&str, &str); 6] = [
+const BENDING: [(&str, &str); 7] = [
+    ("instrument.puncture_strain", "0.2"),
     ("discretisation.dimension", "mirrored"),
     ("instrument.tip", "bevel"),
     ("instrument.bevel_force_n", "0.001"),

@@ -49,6 +49,22 @@ pub(super) struct Held {
     pub shear: f64,
 }
 
+/// A list whose copies have its room, so that they never grow while the twin steps.
+#[derive(Debug)]
+struct Reserved<T>(Vec<T>);
+
+impl<T: Copy> Clone for Reserved<T> {
+    fn clone(&self) -> Self {
+        let mut copy = Vec::with_capacity(self.0.capacity());
+        copy.extend_from_slice(&self.0);
+        Self(copy)
+    }
+
+    fn clone_from(&mut self, other: &Self) {
+        self.0.clone_from(&other.0);
+    }
+}
+
 /// A layer that held the shaft at the last look.
 #[derive(Clone, Copy, Debug)]
 struct Hold {
@@ -72,11 +88,11 @@ cloned_field_by_field! {
         template: Option<[f64; 3]>,
         /// Direction of the hole.
         path: [f64; 3],
-        forces: Vec<Force>,
+        forces: Reserved<Force>,
         /// Those of the layers, and at the end that of the template.
-        springs: Vec<Spring>,
+        springs: Reserved<Spring>,
         /// What held the shaft at the last look.
-        holds: Vec<Hold>,
+        holds: Reserved<Hold>,
         /// v of each layer.
         rate: Vec<[f64; 2]>,
         /// Way of the driver on which it is learnt, and that between two looks, m.
@@ -113,9 +129,9 @@ impl Bending {
             length,
             template,
             path,
-            forces: Vec::with_capacity(layers),
-            springs: Vec::with_capacity(layers + 1),
-            holds: Vec::with_capacity(layers),
+            forces: Reserved(Vec::with_capacity(layers)),
+            springs: Reserved(Vec::with_capacity(layers + 1)),
+            holds: Reserved(Vec::with_capacity(layers)),
             rate: vec![[0.0; 2]; layers],
             learning: LEARNING * 0.5 * needle.diameter.get(),
             apart: LOOKS_APART * 0.5 * needle.diameter.get(),
@@ -132,9 +148,9 @@ impl Bending {
         self.clamp = Clamp { place: self.path.map(|c| -self.length * c), direction: self.path };
         self.rod.straighten(&self.clamp);
         self.rate.fill([0.0; 2]);
-        self.forces.clear();
-        self.springs.clear();
-        self.holds.clear();
+        self.forces.0.clear();
+        self.springs.0.clear();
+        self.holds.0.clear();
         (self.since, self.poses, self.last_move) = (0.0, 0, [0.0; 3]);
         (self.moved, self.template_force) = (0.0, [0.0; 3]);
     }
@@ -155,7 +171,7 @@ impl Bending {
             self.look(held, &clamp);
         }
         self.since += travel;
-        for at in &mut self.holds {
+        for at in &mut self.holds.0 {
             at.now = axis_at(&self.rod, at.depth);
         }
         let before = self.clamp;
@@ -163,26 +179,26 @@ impl Bending {
         self.clamp = clamp;
         // the layers stay where they are while the rod goes along them
         let way = dot(moved, clamp.direction);
-        for (i, hold) in self.holds.iter().enumerate() {
-            let (force, spring) = (&mut self.forces[i], &mut self.springs[i]);
+        for (i, hold) in self.holds.0.iter().enumerate() {
+            let (force, spring) = (&mut self.forces.0[i], &mut self.springs.0[i]);
             force.arc = (force.arc - way).clamp(0.0, self.length);
             spring.arc = force.arc;
             let rate = self.rate[hold.layer];
             (0..2).for_each(|k| spring.place[k] = hold.anchor[k] + rate[k] * self.since);
         }
-        self.springs.truncate(self.holds.len());
+        self.springs.0.truncate(self.holds.0.len());
         if let Some(place) = self.template.filter(|_| self.has_template()) {
             let stiffness = TEMPLATE * self.rod.bending_stiffness() / self.length.powi(3);
-            self.springs.push(Spring { arc: arc_at(&self.rod, -place[2]), place, axis: self.path, stiffness });
+            self.springs.0.push(Spring { arc: arc_at(&self.rod, -place[2]), place, axis: self.path, stiffness });
         }
         // a rod that finds no rest keeps the shape with which it went along: the tissue then holds it as a rigid one
-        let settled = self.rod.settle(&clamp, &self.forces, &self.springs).is_ok();
+        let settled = self.rod.settle(&clamp, &self.forces.0, &self.springs.0).is_ok();
         let gap = |hold: &Hold| {
             let [x, y] = axis_at(&self.rod, hold.depth);
             (x - hold.now[0]).hypot(y - hold.now[1])
         };
-        self.moved = self.holds.iter().map(gap).fold(0.0, f64::max);
-        self.template_force = match self.springs.get(self.holds.len()) {
+        self.moved = self.holds.0.iter().map(gap).fold(0.0, f64::max);
+        self.template_force = match self.springs.0.get(self.holds.0.len()) {
             Some(spring) if settled => spring.force(self.rod.at(spring.arc)),
             _ => [0.0; 3],
         };
@@ -192,24 +208,24 @@ impl Bending {
     fn look(&mut self, held: impl Iterator<Item = Held>, clamp: &Clamp) {
         if self.since > 0.0 {
             let share = (self.since / self.learning).min(1.0);
-            for hold in &self.holds {
+            for hold in &self.holds.0 {
                 let (now, rate) = (axis_at(&self.rod, hold.depth), &mut self.rate[hold.layer]);
                 let seen: [f64; 2] = std::array::from_fn(|k| (now[k] - hold.seen[k]) / self.since);
                 *rate = std::array::from_fn(|k| rate[k] + share * (seen[k] - rate[k]));
             }
         }
         (self.since, self.poses) = (0.0, 0);
-        self.forces.clear();
-        self.springs.clear();
-        self.holds.clear();
+        self.forces.0.clear();
+        self.springs.0.clear();
+        self.holds.0.clear();
         for Held { layer, depth, force, shear } in held {
             let arc = arc_at(&self.rod, depth);
             let place = self.rod.at(arc);
             let stiffness = FOUNDATION * shear;
-            self.forces.push(Force { arc, force });
-            self.springs.push(Spring { arc, place, axis: clamp.direction, stiffness });
+            self.forces.0.push(Force { arc, force });
+            self.springs.0.push(Spring { arc, place, axis: clamp.direction, stiffness });
             let seen = axis_at(&self.rod, depth);
-            self.holds.push(Hold { layer, depth, seen, now: seen, anchor: [place[0], place[1]] });
+            self.holds.0.push(Hold { layer, depth, seen, now: seen, anchor: [place[0], place[1]] });
         }
     }
 
