@@ -2,6 +2,7 @@
 
 mod accuracy_study;
 mod bad_input;
+mod bending;
 mod batch;
 mod calibrate;
 mod cli;
@@ -24,6 +25,7 @@ mod matrix;
 mod meshes;
 mod packages;
 mod phantoms;
+mod plan;
 mod python_module;
 mod readme;
 mod recorded;

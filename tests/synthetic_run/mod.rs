@@ -1,7 +1,7 @@
 //! A synthetic run for tests of the report: formulas of plausible shape, no solver. Not a result of anything.
 #![allow(dead_code)] // each test file uses its part
 
-use needle_core::scene::{DeformationRule, Instrument, InstrumentKind, Metres, Needle, Radians};
+use needle_core::scene::{DeformationRule, Instrument, InstrumentKind, Metres, Needle, NeedleTip, Radians};
 use needle_core::twin::{Event, Phase};
 use needle_estimate::compare::{Answer, FinalState, Run, Snapshot, TargetRow};
 
@@ -83,6 +83,9 @@ fn needle_shape() -> Needle {
         wall_contact: true,
         tilt: Radians(0.0),
         azimuth: Radians(0.0),
+        tip: NeedleTip::Flat,
+        bevel: None,
+        flexible: None,
     }
 }
 
@@ -168,7 +171,7 @@ fn field(p: &[f64; 3], depth_m: f64) -> ([f64; 3], f64) {
 fn snapshot(mesh: &Mesh, time_s: f64) -> Snapshot {
     let depth_m = depth_at(time_s);
     let (displacement, jacobian) = mesh.0.iter().map(|p| field(p, depth_m)).unzip();
-    Snapshot { time_s, depth_m, displacement, jacobian }
+    Snapshot { time_s, depth_m, displacement, jacobian, needle: Vec::new() }
 }
 
 fn target_row(time_s: f64) -> TargetRow {

@@ -82,7 +82,7 @@ const PNG_SCALE: f32 = 2.0;
 /// - `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`;
 /// - with an ensemble and a measured force `forecast.csv`, `keys.csv` and `reliability.svg`;
 /// - with friction `deformation.csv` and `.svg`;
-/// - with a needle that bends `needle.csv` and `shape.csv`.
+/// - with a needle that bends `needle.csv`, `shape.csv` and `needle.vtu`.
 ///
 /// # Errors
 /// [`ReportError`] naming the file and the reason. No file has then been replaced by an incomplete one.
@@ -101,6 +101,7 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
         ("deformation.csv", csv::deformation_csv(run)),
         ("needle.csv", csv::needle_csv(run)),
         ("shape.csv", csv::shape_csv(run)),
+        ("needle.vtu", vtu::needle_vtu(run)),
         ("deformation.svg", deformation_plot::deformation_plot(run).map(|picture| picture.to_svg())),
         ("reliability.svg", reliability_plot::reliability_plot(run).map(|picture| picture.to_svg())),
     ];

@@ -16,6 +16,9 @@ use std::{
 /// VTK's cell type of a linear tetrahedron.
 const VTK_TETRA: u8 = 10;
 
+/// VTK's cell type of a line through several points.
+const VTK_POLY_LINE: u8 = 4;
+
 /// One field at the points, with `C` components each.
 struct Field<'a, const C: usize> {
     name: &'static str,
@@ -38,6 +41,25 @@ pub fn final_vtu(run: &Run) -> Result<String, ReportError> {
     let stress: Vec<[f64; 1]> = state.von_mises_pa.iter().map(|&s| [s]).collect();
     let scalars = [Field { name: "jacobian", values: &jacobian }, Field { name: "von_mises_pa", values: &stress }];
     grid("final.vtu", state, &state.displacement, &scalars)
+}
+
+/// Content of `needle.vtu`: the line of a needle that bends at the last snapshot, from its clamp to its tip, in the coordinates of the deformed
+/// sample, m; `None` for another instrument.
+#[must_use]
+pub(super) fn needle_vtu(run: &Run) -> Option<String> {
+    let places = run.snapshots.last().map(|snapshot| &snapshot.needle).filter(|places| places.len() > 1)?;
+    let coordinates: String = places.iter().map(|[x, y, z]| format!("{x:?} {y:?} {z:?}\n")).collect();
+    let count = places.len();
+    let numbers: String = (0..count).map(|i| format!("{i} ")).collect();
+    Some(format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\">\n<UnstructuredGrid>\n\
+         <Piece NumberOfPoints=\"{count}\" NumberOfCells=\"1\">\n\
+         <Points>\n<DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">\n{coordinates}</DataArray>\n</Points>\n<Cells>\n\
+         <DataArray type=\"Int64\" Name=\"connectivity\" format=\"ascii\">{numbers}</DataArray>\n\
+         <DataArray type=\"Int64\" Name=\"offsets\" format=\"ascii\">{count}</DataArray>\n\
+         <DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\">{VTK_POLY_LINE}</DataArray>\n\
+         </Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+    ))
 }
 
 /// Removes the series of an earlier run from a folder: `series.pvd` and the frames in `series/`, nothing else.
