@@ -87,7 +87,7 @@ fn a_double_that_makes_the_same_motion_predicts_the_same_bits() {
                 .map(|i| {
                     let way = 5e-4 * (f64::from(i) / 50.0);
                     let tip = std::array::from_fn(|k| from.pose.tip[k] + way * from.pose.axis[k]);
-                    let pose = needle_core::twin::Pose { tip, axis: from.pose.axis };
+                    let pose = needle_core::twin::Pose { tip, ..from.pose };
                     live.step(StampedPose { time_s: from.time_s + way / 0.002, pose }).unwrap()
                 })
                 .collect();

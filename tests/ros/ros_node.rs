@@ -1,5 +1,6 @@
 //! What a ROS user expects of a running node beside its topics, seen by an independent DDS implementation.
 
+mod bending;
 mod dump;
 mod events;
 mod frames;
