@@ -1,5 +1,6 @@
 //! Runs, calibration, ensembles: each contract a module, one program for all, since linking costs more than running.
 
+mod crossings;
 mod determinism;
 mod ensemble;
 mod folds;
