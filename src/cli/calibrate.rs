@@ -146,8 +146,10 @@ fn of_layers(arguments: &Arguments, recording: &Recording, scene: &Scene, layers
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let written = folder.map(|folder| needle_report::write_layers(&folder.path, &text)).transpose()?;
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    let doubt = layers::doubt(&found);
+    doubt.iter().for_each(|doubt| warn(doubt));
     print(&if arguments.json { text } else { layers::summary(&found, written.as_deref()) })?;
-    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+    Ok(if recording.losses.is_empty() && doubt.is_none() { Outcome::Complete } else { Outcome::Lossy })
 }
 
 /// Fits tracked points, with the force or without.
