@@ -79,7 +79,9 @@ fn drops_of_a_curve_read_off_a_figure_are_found_with_forces_that_were_read() {
                     assert!(c.force_before_n <= before && c.force_after_n < c.force_before_n, "{c:?}, read {before}");
                 }
             }
-            println!("{pixels} px, every {every}: {number} rows, {speed} m/s, clock {clock}: {hits} of 100, {wrong} false");
+            println!(
+                "{pixels} px, every {every}: {number} rows, {speed} m/s, clock {clock}: {hits} of 100, {wrong} false"
+            );
             assert!(hits >= 85 && wrong == 0, "{hits} of 100, {wrong} false");
         }
     }

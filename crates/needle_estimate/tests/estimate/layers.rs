@@ -15,7 +15,9 @@ fn reference(file: &str, seed: u64) -> Vec<Reading> {
     let between = rows
         .windows(2)
         .flat_map(|w| (0..5).map(move |s| [0, 1].map(|k| w[0][k] + 0.2 * f64::from(s) * (w[1][k] - w[0][k]))));
-    let read = |(i, [depth, force]): (usize, [f64; 2])| [2e-3 * i as f64, depth + 1e-6 * noise.next(), force + 7e-4 * noise.next()];
+    let read = |(i, [depth, force]): (usize, [f64; 2])| {
+        [2e-3 * i as f64, depth + 1e-6 * noise.next(), force + 7e-4 * noise.next()]
+    };
     between.enumerate().map(read).collect()
 }
 
@@ -72,7 +74,9 @@ fn one_insertion_and_its_way_out_tell_the_first_puncture_and_the_last_cutting_fo
             worst = [worst[0].max((c.value / cutting - 1.0).abs()), worst[1].max((p.value / puncture - 1.0).abs())];
             inside += u32::from((c.value - cutting).abs() < 1.96 * c.standard_error);
         }
-        println!("{file}: cutting and puncture off by {worst:.3?} at most, cutting within 1.96 standard errors {inside} of 10");
+        println!(
+            "{file}: cutting and puncture off by {worst:.3?} at most, cutting within 1.96 standard errors {inside} of 10"
+        );
         assert!(worst[0] < 0.16 && worst[1] < 0.03, "{worst:?}");
     }
 }

@@ -8,3 +8,4 @@ mod layers;
 mod least_work;
 mod teams;
 mod vector_fit;
+mod verdicts;
