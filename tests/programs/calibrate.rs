@@ -351,7 +351,7 @@ fn a_ramp_from_contact_gives_an_interval_and_says_what_it_left_out() {
     let (result, said) = json(&[&table, "--scene", "compression", "--fit", MODULUS]);
     let fit = &result["fit"][MODULUS];
     println!("{fit} {said}");
-    let [low, high] = [0, 1].map(|i| number(&fit["interval_95"][i]));
+    let [low, high] = [0, 1].map(|i| number(&fit["interval_95_as_assumed"][i]));
     assert!(low <= 1678.0 && 1678.0 <= high && high - low < 200.0, "{fit}");
     assert_eq!(result["drift_left_out_for"], serde_json::json!([MODULUS]));
     assert!(said.contains("--load-cell drift") && !said.contains("prony"), "{said}");

@@ -1,13 +1,17 @@
 //! Start values of the search. A start close to the solution saves runs.
 
 use super::CalibrateError;
+use super::HoldOut;
 use super::paths::{answered, paths_of};
 use super::problem::{Kept, Recorded};
 use super::unknown::Sought;
 use crate::compare::{Run, least_squares::Unknown};
+use crate::layers::{Known, of_recording};
 
 /// A factor whose logarithm is below this leaves the start as it is.
 const NEAR_SIZE: f64 = 0.2;
+/// What resists a needle with friction, beside the modulus.
+const RUBS: [&str; 3] = ["instrument.friction_n_per_m", "instrument.cutting_force_n", "instrument.puncture_force_n"];
 
 impl Recorded<'_> {
     /// Runs the scene with its own values over the recorded motion, with the contact shifted.
@@ -73,6 +77,31 @@ impl Recorded<'_> {
             unknown.start = x.clamp(unknown.bounds[0], unknown.bounds[1]);
         }
         Ok(())
+    }
+
+    /// Starts friction, cutting and puncture force of a needle in one material with what insertion and way out say of
+    /// them without a run (`layers`). The search for them depends on its start.
+    pub(crate) fn begin_at_layers(&self, unknowns: &mut [Unknown]) {
+        let scene = self.task.scene;
+        if self.task.part != HoldOut::Nothing || !scene.regions.is_empty() {
+            return;
+        }
+        let sought = |key: &str| self.sought.iter().position(|s| matches!(s, Sought::Key(own) if own == key));
+        let places = RUBS.map(sought);
+        if places.iter().all(Option::is_none) {
+            return;
+        }
+        let Ok(found) = of_recording(scene, self.task.readings, self.task.measured, 1) else { return };
+        let (Some(layer), Some(end), None) = (found.layers.first(), found.parts.last(), found.beyond()) else { return };
+        let value = |known: Option<Known>| known.map(|k| k.value);
+        let cutting = value(layer.cutting_force_n).or(Some(end.at_the_tip_n()).filter(|n| *n > 0.0));
+        let starts = [Some(layer.friction_n_per_m.value), cutting, value(layer.puncture_force_n)];
+        for (place, start) in places.into_iter().zip(starts) {
+            if let (Some(k), Some(start)) = (place, start) {
+                let Unknown { bounds: [low, high], .. } = unknowns[k];
+                unknowns[k].start = start.clamp(low, high);
+            }
+        }
     }
 
     /// Scales the start values of the pressures by the factor that the first run's force lacks. A factor near 1

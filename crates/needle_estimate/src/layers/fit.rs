@@ -209,7 +209,12 @@ impl Fit {
     /// How far the tip has pushed tissue ahead of it at the end of an insertion, m, and the needle drags it back on the way
     /// out: as much of the shaft rubs at the end as where the friction of the way out is complete.
     pub(crate) fn pushed_m(&self, end: f64, diameter: f64) -> f64 {
-        (end - self.turned).clamp(0.0, PUSHED * diameter)
+        self.turn_m(end).min(PUSHED * diameter)
+    }
+
+    /// Way between the end of an insertion and where the friction of the way out is complete, m.
+    pub(crate) fn turn_m(&self, end: f64) -> f64 {
+        (end - self.turned).max(0.0)
     }
 
     /// Whether there was a second insertion.

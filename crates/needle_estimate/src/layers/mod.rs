@@ -39,7 +39,7 @@ const AIR: f64 = 0.2;
 const DEPTHS: usize = 20;
 /// Largest way, in diameters, that the tip of the first insertion counts as having pushed tissue ahead of it, so that less of the
 /// shaft rubs than the depth says.
-const PUSHED: f64 = 2.0;
+const PUSHED: f64 = 4.0;
 /// What friction may exceed a reading by, as a share of the insertion's largest, beside twice its standard error.
 const SUM: f64 = 0.05;
 
