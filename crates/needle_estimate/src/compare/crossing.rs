@@ -131,9 +131,8 @@ impl Crossings {
             self.readings.pop_front();
         }
         let found = if self.readings.len() < FEWEST { None } else { self.test() };
-        // what follows the drop is the beginning of the next window
-        while found.is_some_and(|c| self.readings.front().is_some_and(|r| r.depth_m < c.depth_m)) {
-            self.readings.pop_front();
+        if found.is_some() {
+            self.readings.clear();
         }
         found
     }
