@@ -238,6 +238,8 @@ pub fn calibrate(
     watch: &mut dyn Watch,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Calibration, CalibrateError> {
+    let begun = start::begun(task);
+    let task = &Task { scene: begun.as_ref().unwrap_or(task.scene), ..task.clone() };
     let found = searched(task, watch, tell)?;
     let drifts = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
     let Some(group) = found.indistinguishable.iter().find(|g| drifts(g)).filter(|_| task.load_cell == LoadCell::Auto)

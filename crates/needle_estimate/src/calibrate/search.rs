@@ -45,7 +45,6 @@ pub(super) fn search(problem: &mut Recorded, task: &Task) -> Result<Searched, Ca
     if let Some(found) = &before {
         problem.begin_at_size(found.size, &mut unknowns);
     }
-    problem.begin_at_layers(&mut unknowns);
     problem.begin_in_table(&mut unknowns)?;
     let mut solution = least_squares::solve(problem, &unknowns)?.ok_or_else(|| problem.beyond_start())?;
     for _ in 0..MOST_CLOUDS {

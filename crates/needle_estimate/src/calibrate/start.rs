@@ -1,17 +1,37 @@
 //! Start values of the search. A start close to the solution saves runs.
 
-use super::CalibrateError;
-use super::HoldOut;
 use super::paths::{answered, paths_of};
 use super::problem::{Kept, Recorded};
 use super::unknown::Sought;
+use super::{CalibrateError, HoldOut, Task};
 use crate::compare::{Run, least_squares::Unknown};
 use crate::layers::{Known, of_recording};
+use needle_core::scene::{Override, Scene};
 
 /// A factor whose logarithm is below this leaves the start as it is.
 const NEAR_SIZE: f64 = 0.2;
 /// What resists a needle with friction, beside the modulus.
 const RUBS: [&str; 3] = ["instrument.friction_n_per_m", "instrument.cutting_force_n", "instrument.puncture_force_n"];
+
+/// The scene with what insertion and way out say of friction, cutting and puncture force without a run (`layers`), of those
+/// that are sought: the search for them depends on its start, and with some starts the twin is lost. `None` if they say nothing.
+pub(super) fn begun(task: &Task) -> Option<Scene> {
+    let sought = |key: &str| task.wanted.iter().find(|w| w.key == key);
+    if task.part != HoldOut::Nothing || !task.scene.regions.is_empty() || RUBS.iter().all(|key| sought(key).is_none()) {
+        return None;
+    }
+    let found = of_recording(task.scene, task.readings, task.measured, 1).ok()?;
+    let (layer, end, None) = (found.layers.first()?, found.parts.last()?, found.beyond()) else { return None };
+    let value = |known: Option<Known>| known.map(|k| k.value);
+    let cutting = value(layer.cutting_force_n).or(Some(end.at_the_tip_n()).filter(|n| *n > 0.0));
+    let told = [Some(layer.friction_n_per_m.value), cutting, value(layer.puncture_force_n)];
+    let within = |(key, told): (&&str, Option<f64>)| {
+        let [low, high] = sought(key)?.bounds.unwrap_or([0.0, f64::INFINITY]);
+        Some(Override::typed(key, told?.clamp(low, high), "what the recording says"))
+    };
+    let changes: Vec<Override> = RUBS.iter().zip(told).filter_map(within).collect();
+    task.scene.with(&changes).ok()
+}
 
 impl Recorded<'_> {
     /// Runs the scene with its own values over the recorded motion, with the contact shifted.
@@ -77,31 +97,6 @@ impl Recorded<'_> {
             unknown.start = x.clamp(unknown.bounds[0], unknown.bounds[1]);
         }
         Ok(())
-    }
-
-    /// Starts friction, cutting and puncture force of a needle in one material with what insertion and way out say of
-    /// them without a run (`layers`). The search for them depends on its start.
-    pub(crate) fn begin_at_layers(&self, unknowns: &mut [Unknown]) {
-        let scene = self.task.scene;
-        if self.task.part != HoldOut::Nothing || !scene.regions.is_empty() {
-            return;
-        }
-        let sought = |key: &str| self.sought.iter().position(|s| matches!(s, Sought::Key(own) if own == key));
-        let places = RUBS.map(sought);
-        if places.iter().all(Option::is_none) {
-            return;
-        }
-        let Ok(found) = of_recording(scene, self.task.readings, self.task.measured, 1) else { return };
-        let (Some(layer), Some(end), None) = (found.layers.first(), found.parts.last(), found.beyond()) else { return };
-        let value = |known: Option<Known>| known.map(|k| k.value);
-        let cutting = value(layer.cutting_force_n).or(Some(end.at_the_tip_n()).filter(|n| *n > 0.0));
-        let starts = [Some(layer.friction_n_per_m.value), cutting, value(layer.puncture_force_n)];
-        for (place, start) in places.into_iter().zip(starts) {
-            if let (Some(k), Some(start)) = (place, start) {
-                let Unknown { bounds: [low, high], .. } = unknowns[k];
-                unknowns[k].start = start.clamp(low, high);
-            }
-        }
     }
 
     /// Scales the start values of the pressures by the factor that the first run's force lacks. A factor near 1
