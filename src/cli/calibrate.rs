@@ -15,7 +15,8 @@ use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, layers, print, scene_file, warn};
 use needle_core::scene::Scene;
 use needle_estimate::calibrate::{
-    self, Calibration, Estimate, HoldOut, LoadCell, MarkerFit, MarkerTask, Prediction, Task, Wanted, calibrate,
+    self, Alternative, Assumption, Calibration, Estimate, HoldOut, LoadCell, MarkerFit, MarkerTask, Prediction, Task,
+    Wanted, alternatives, calibrate,
 };
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_estimate::compare::{self, Explains};
@@ -46,6 +47,11 @@ pub(super) struct Arguments {
     /// cell), as a share of it; part of every standard error
     #[arg(long, value_name = "SHARE", default_value_t = FORCE_ERROR, value_parser = share, help_heading = "Fit")]
     force_error: f64,
+
+    /// What you know of the setup and is not varied. Of plates and indenters `calibrate` fits again with other ends, with the contact fitted
+    /// too, and with another law: where these explain the readings as well, the intervals hold them
+    #[arg(long, value_enum, value_name = "WHAT", num_args = 1.., help_heading = "Fit")]
+    certain: Vec<Certain>,
 
     /// Part of the recording that is not fitted
     #[arg(long, value_enum, default_value_t = Held::None, help_heading = "Fit")]
@@ -91,6 +97,29 @@ enum Cell {
     Offset,
     /// Nothing: it is taken at its word
     Exact,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum Certain {
+    /// How plates and faces hold the sample: bonded or frictionless, as the scene says
+    Ends,
+    /// The recorded depth of the first contact
+    Contact,
+    /// The constitutive law
+    Law,
+    /// All of it: one fit, as the scene says
+    All,
+}
+
+impl Certain {
+    fn assumptions(self) -> Vec<Assumption> {
+        match self {
+            Self::Ends => vec![Assumption::Ends],
+            Self::Contact => vec![Assumption::Contact],
+            Self::Law => vec![Assumption::Law],
+            Self::All => vec![Assumption::Ends, Assumption::Contact, Assumption::Law],
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -146,8 +175,10 @@ fn of_layers(arguments: &Arguments, recording: &Recording, scene: &Scene, layers
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let written = folder.map(|folder| needle_report::write_layers(&folder.path, &text)).transpose()?;
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    let doubt = layers::doubt(&found);
+    doubt.iter().for_each(|doubt| warn(doubt));
     print(&if arguments.json { text } else { layers::summary(&found, written.as_deref()) })?;
-    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+    Ok(if recording.losses.is_empty() && doubt.is_none() { Outcome::Complete } else { Outcome::Lossy })
 }
 
 /// Fits tracked points, with the force or without.
@@ -267,7 +298,9 @@ fn found(
         what.clone_into(&mut said.borrow_mut());
     };
     let mut runs = Runs::new(&progress, &said, readings.len());
-    let calibration = calibrate(&task, &mut runs, &mut |what| say(what))?;
+    let mut calibration = calibrate(&task, &mut runs, &mut |what| say(what))?;
+    let certain: Vec<Assumption> = arguments.certain.iter().flat_map(|certain| certain.assumptions()).collect();
+    calibration.alternatives = alternatives(&task, &calibration, &certain, &mut runs, &mut |what| say(what))?;
     let prediction = other.map(|(recording, scene)| {
         say("predicting the other bag");
         let readings = arguments.recorded.topics.readings(recording);
@@ -323,16 +356,17 @@ fn remarks(calibration: &Calibration) -> Vec<String> {
 /// The scene file, with what was found above it.
 fn scene_toml(calibration: &Calibration, source: &str) -> String {
     let mut text = format!("# Written by `needle_twin calibrate` from {source}.\n");
-    for e in &calibration.estimates {
-        let _ = writeln!(text, "# {}", line(e)); // writing to a String can't fail
+    for (k, e) in calibration.estimates.iter().enumerate() {
+        let interval = if k < calibration.keys { calibration.interval_95(k) } else { e.interval_95() };
+        let _ = writeln!(text, "# {}", line(e, interval)); // writing to a String can't fail
     }
     let _ = writeln!(text, "# Root mean square of the residual {:.6} N.\n", calibration.rmse_n());
     text + &calibration.scene.to_toml()
 }
 
 /// Value, standard error and where they come from.
-fn line(e: &Estimate) -> String {
-    let Some((error, [low, high])) = e.standard_error().zip(e.interval_95()) else {
+fn line(e: &Estimate, interval: Option<[f64; 2]>) -> String {
+    let Some((error, [low, high])) = e.standard_error().zip(interval) else {
         let reason = e.withheld.as_deref().unwrap_or("not determined by the data");
         return format!("{} = {:.6}, without an interval: {reason}", e.name, e.value);
     };
@@ -349,6 +383,19 @@ fn line(e: &Estimate) -> String {
     )
 }
 
+/// What another assumption gives.
+fn other_fit(a: &Alternative) -> String {
+    let value = |e: &Estimate| {
+        let error = e.standard_error();
+        let value = error.map_or_else(|| format!("{:.6}", e.value), |error| short(e.value, error));
+        format!("{} = {value}{}", e.name, error.map_or_else(String::new, |error| format!(" ± {}", short(error, error))))
+    };
+    let values: Vec<String> = a.estimates.iter().map(value).collect();
+    let verdict = if a.explains() { "explains the measurement too" } else { "does not explain the measurement" };
+    let chi = a.verdict.reduced_chi_square.map_or_else(String::new, |c| format!(" (reduced chi-square {c:.2})"));
+    format!("with {}: {}; {verdict}{chi}", a.what, values.join(", "))
+}
+
 /// As many decimals as show the error with two figures.
 fn short(value: f64, error: f64) -> String {
     let decimals = (1.0 - error.log10().floor()).clamp(0.0, 12.0) as usize;
@@ -361,8 +408,13 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
     lines.push(("scene", format!("{}, {source}", calibration.scene.name)));
     let (keys, beside) = calibration.estimates.split_at(calibration.keys);
     let cell: Vec<&Estimate> = beside.iter().filter(|e| e.name.starts_with("load_cell.")).collect();
-    lines.extend(keys.iter().map(|e| ("fit", line(e))));
-    lines.extend(cell.iter().map(|e| ("alongside", line(e))));
+    lines.extend(keys.iter().enumerate().map(|(k, e)| ("fit", line(e, calibration.interval_95(k)))));
+    lines.extend(cell.iter().map(|e| ("alongside", line(e, e.interval_95()))));
+    lines.extend(calibration.alternatives.iter().map(|a| ("or", other_fit(a))));
+    if calibration.alternatives.iter().any(Alternative::explains) && !calibration.rejected() {
+        let held = "nothing of this recording decides between these: the intervals above hold all that explain it (--certain what you know)";
+        lines.push(("", held.to_owned()));
+    }
     lines.extend(
         calibration
             .alignment

@@ -3,7 +3,28 @@
 use std::path::PathBuf;
 
 use super::summary::{screen, written};
-use needle_estimate::layers::{Found, Known};
+use needle_estimate::layers::{Found, Known, Part};
+
+/// What the force at a depth consists of.
+fn sum(part: &Part) -> String {
+    format!(
+        "at {:.2} mm friction {:.1} and at the tip {:.1} mN, {:.1} measured",
+        1e3 * part.depth_m,
+        1e3 * part.friction_n,
+        1e3 * part.at_the_tip_n(),
+        1e3 * part.measured_n
+    )
+}
+
+/// Why what was found is not believed: its parts exceed the force.
+pub(super) fn doubt(found: &Found) -> Option<String> {
+    let part = found.beyond()?;
+    Some(format!(
+        "rejected: what was found does not add up to the measured force ({}): on the way out something else than friction acts (tissue that sticks \
+         and springs back, a wrong zero, a surface elsewhere than at depth 0, other layers)",
+        sum(part)
+    ))
+}
 
 /// Screen of what was found.
 pub(super) fn summary(found: &Found, files: Option<&[PathBuf]>) -> String {
@@ -31,6 +52,7 @@ pub(super) fn summary(found: &Found, files: Option<&[PathBuf]>) -> String {
     lines.extend(found.alone.iter().map(|what| ("from one insertion alone not told", what.clone())));
     let drops: Vec<String> = found.drops_m.iter().map(|d| format!("{:.2}", 1e3 * d)).collect();
     lines.push(("drops", format!("{} mm", drops.join(", "))));
+    lines.extend(found.parts.last().map(|p| ("parts", sum(p))));
     lines.push(("residual", format!("rmse {:.6} N of the friction's lines", found.rmse_n)));
     lines.extend(files.and_then(|files| Some(("files", written(files.first()?, files)))));
     screen(&lines)

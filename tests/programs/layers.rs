@@ -54,3 +54,25 @@ fn an_insertion_without_friction_is_an_error_with_the_remedy() {
     let (code, _, stderr) = program(&[bag, "--layers", "2", "--fit", "material.shear_modulus_pa"]);
     assert_eq!(code, Some(2), "either or: {stderr}");
 }
+
+/// The friction that is found exceeds the force: the numbers are printed, and not believed.
+#[test]
+fn a_friction_beyond_the_whole_force_ends_with_exit_code_3() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("torn.csv");
+    let mut text = "time_s,depth_m,force_n\n".to_owned();
+    for i in 0..=10_000 {
+        let depth = 0.018 - 4e-6 * f64::from((i - 5000_i32).abs());
+        let sticks = if depth > 0.009 { 0.45 - 95.0 * (0.018 - depth) } else { -45.0 * depth.max(0.0) };
+        let force = if i <= 5000 { 25.0 * depth.max(0.0) } else { sticks };
+        let _ = writeln!(text, "{},{depth},{}", 2e-3 * f64::from(i), force + 1e-4 * f64::from((i * 7919) % 13 - 6));
+    }
+    fs::write(&table, text).unwrap();
+    let arguments = [table.to_str().unwrap(), "--scene", "needle_insertion", "--layers", "1"];
+    let (code, screen, stderr) = program(&arguments);
+    assert_eq!(code, Some(3), "{screen}{stderr}");
+    assert!(stderr.contains("does not add up") && screen.contains("at the tip"), "{screen}{stderr}");
+    let (code, json, _) = program(&[&arguments[..], &["--json"]].concat());
+    let found: Value = serde_json::from_str(&json).unwrap();
+    assert!(code == Some(3) && found["adds_up"] == false && found["parts"].as_array().unwrap().len() >= 20, "{found}");
+}

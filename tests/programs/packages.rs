@@ -56,6 +56,15 @@ fn the_bill_of_materials_names_what_is_linked_and_a_damaged_one_is_refused() {
     }
 }
 
+#[test]
+fn the_list_of_software_of_others_is_of_this_lock_file() {
+    let checked = script("soup", &["--check"], &[]);
+    assert!(checked.status.success(), "{}", text(&checked.stderr));
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/validation/soup.md")).unwrap();
+    let rows = page.lines().filter(|line| line.starts_with("| ")).count();
+    assert!(rows > 200 && page.contains("| nalgebra | ") && !page.contains("| proptest | "), "{rows} rows");
+}
+
 /// What an administrator finds after `dpkg -i`; skipped where there is no dpkg-deb.
 #[test]
 fn the_package_holds_programs_pages_completions_and_licences() {

@@ -1,7 +1,7 @@
 //! `calibration.json`: the result of a calibration, for programs.
 
 use super::metrics::{alignment_json, baselines_json, verdict_json};
-use needle_estimate::calibrate::{Calibration, Estimate, Prediction};
+use needle_estimate::calibrate::{Alternative, Calibration, Estimate, Prediction};
 use serde_json::{Map, Value, json};
 
 /// Content of `calibration.json`, as `calibrate --json` prints it. Keys are only ever added. A number that the data
@@ -19,7 +19,8 @@ pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Opt
     let body = json!({
         "scene": calibration.scene.name,
         "measured_source": source,
-        "fit": group(keys, ""),
+        "fit": fit(calibration, group(keys, "")),
+        "alternatives": calibration.alternatives.iter().map(alternative).collect::<Vec<Value>>(),
         "load_cell": group(beside, "load_cell."),
         "verdict": verdict_json(&calibration.verdict, standing.as_ref()),
         "baselines": baselines_json(standing.as_ref()),
@@ -50,6 +51,28 @@ pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Opt
     let mut text = format!("{body:#}");
     text.push('\n');
     text
+}
+
+/// The keys with intervals that hold what other assumptions give, too.
+fn fit(calibration: &Calibration, mut keys: Map<String, Value>) -> Map<String, Value> {
+    for (k, e) in calibration.estimates[..calibration.keys].iter().enumerate() {
+        if let Some(Value::Object(key)) = keys.get_mut(&e.name) {
+            key.insert("interval_95".to_owned(), json!(calibration.interval_95(k)));
+            key.insert("interval_95_as_assumed".to_owned(), json!(e.interval_95()));
+        }
+    }
+    keys
+}
+
+fn alternative(a: &Alternative) -> Value {
+    json!({
+        "assumed": a.what,
+        "explains": a.verdict.explains.as_str(),
+        "reduced_chi_square": a.verdict.reduced_chi_square.filter(|c| c.is_finite()),
+        "fit": a.estimates.iter().map(|e| (e.name.clone(), estimate(e))).collect::<Map<String, Value>>(),
+        "rmse_n": a.rmse_n,
+        "runs": a.runs,
+    })
 }
 
 fn estimate(e: &Estimate) -> Value {

@@ -2,7 +2,7 @@
 
 use super::files::Rendered;
 use super::{ReportError, files};
-use needle_estimate::layers::{Found, Known};
+use needle_estimate::layers::{Found, Known, Part};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -25,12 +25,19 @@ pub fn layers_json(found: &Found, source: &str) -> String {
             })
         })
         .collect();
+    let part = |p: &Part| {
+        json!({
+            "depth_m": p.depth_m, "measured_n": p.measured_n, "friction_n": p.friction_n, "at_the_tip_n": p.at_the_tip_n(),
+        })
+    };
     let body = json!({
         "measured_source": source,
         "layers": layers,
         "cannot_tell": found.cannot_tell,
         "cannot_tell_from_one_insertion": found.alone,
         "drops_m": found.drops_m,
+        "adds_up": found.beyond().is_none(),
+        "parts": found.parts.iter().map(part).collect::<Vec<Value>>(),
         "rmse_n": found.rmse_n,
     });
     let mut text = format!("{body:#}");

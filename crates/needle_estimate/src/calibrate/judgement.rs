@@ -71,6 +71,7 @@ pub(super) fn judged(
         realigned: [false; 2],
         refused: problem.refused(),
         drift_left_out_for: Vec::new(),
+        alternatives: Vec::new(),
     };
     let drift = problem.sought.iter().position(|s| *s == Sought::Drift);
     calibration.verdict.over_holes(task.measured.holes());

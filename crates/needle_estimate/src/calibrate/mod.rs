@@ -13,6 +13,7 @@
 //! A model that does not explain the readings is rejected. What the data can't determine has no interval
 //! (`judgement`).
 
+mod alternatives;
 mod components;
 mod curve_table;
 mod error;
@@ -38,6 +39,7 @@ use crate::compare::alignment::Alignment;
 use crate::compare::{Depths, Verdict, Watch};
 use needle_core::scene::{Align, Metres, Override, Scene, Seconds};
 
+pub use alternatives::{Alternative, Assumption, alternatives};
 pub use curve_table::CurveTable;
 pub use error::CalibrateError;
 pub use forces::{Forces, rmse};
@@ -140,6 +142,8 @@ pub struct Calibration {
     /// Unknowns from which the load cell's drift could not be distinguished, so that the drift was left out
     /// ([`LoadCell::Auto`]). Empty if it was not.
     pub drift_left_out_for: Vec<String>,
+    /// The fit under other assumptions, if it was made ([`alternatives()`]).
+    pub alternatives: Vec<Alternative>,
 }
 
 impl Calibration {
@@ -234,6 +238,8 @@ pub fn calibrate(
     watch: &mut dyn Watch,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Calibration, CalibrateError> {
+    let begun = start::begun(task);
+    let task = &Task { scene: begun.as_ref().unwrap_or(task.scene), ..task.clone() };
     let found = searched(task, watch, tell)?;
     let drifts = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
     let Some(group) = found.indistinguishable.iter().find(|g| drifts(g)).filter(|_| task.load_cell == LoadCell::Auto)

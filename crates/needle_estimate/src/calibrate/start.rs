@@ -1,13 +1,37 @@
 //! Start values of the search. A start close to the solution saves runs.
 
-use super::CalibrateError;
 use super::paths::{answered, paths_of};
 use super::problem::{Kept, Recorded};
 use super::unknown::Sought;
+use super::{CalibrateError, HoldOut, Task};
 use crate::compare::{Run, least_squares::Unknown};
+use crate::layers::{Known, of_recording};
+use needle_core::scene::{Override, Scene};
 
 /// A factor whose logarithm is below this leaves the start as it is.
 const NEAR_SIZE: f64 = 0.2;
+/// What resists a needle with friction, beside the modulus.
+const RUBS: [&str; 3] = ["instrument.friction_n_per_m", "instrument.cutting_force_n", "instrument.puncture_force_n"];
+
+/// The scene with what insertion and way out say of friction, cutting and puncture force without a run (`layers`), of those
+/// that are sought: the search for them depends on its start, and with some starts the twin is lost. `None` if they say nothing.
+pub(super) fn begun(task: &Task) -> Option<Scene> {
+    let sought = |key: &str| task.wanted.iter().find(|w| w.key == key);
+    if task.part != HoldOut::Nothing || !task.scene.regions.is_empty() || RUBS.iter().all(|key| sought(key).is_none()) {
+        return None;
+    }
+    let found = of_recording(task.scene, task.readings, task.measured, 1).ok()?;
+    let (layer, end, None) = (found.layers.first()?, found.parts.last()?, found.beyond()) else { return None };
+    let value = |known: Option<Known>| known.map(|k| k.value);
+    let cutting = value(layer.cutting_force_n).or(Some(end.at_the_tip_n()).filter(|n| *n > 0.0));
+    let told = [Some(layer.friction_n_per_m.value), cutting, value(layer.puncture_force_n)];
+    let within = |(key, told): (&&str, Option<f64>)| {
+        let [low, high] = sought(key)?.bounds.unwrap_or([0.0, f64::INFINITY]);
+        Some(Override::typed(key, told?.clamp(low, high), "what the recording says"))
+    };
+    let changes: Vec<Override> = RUBS.iter().zip(told).filter_map(within).collect();
+    task.scene.with(&changes).ok()
+}
 
 impl Recorded<'_> {
     /// Runs the scene with its own values over the recorded motion, with the contact shifted.

@@ -33,8 +33,15 @@ const FEWEST: usize = 24;
 const MOST: usize = 256;
 /// Retraction that ends an insertion, m: ten times the resolution of a magnetostrictive sensor.
 const BACK_M: f64 = 2e-5;
+/// The same where readings are far apart, in mean distances of the window's readings: rows that were read off a figure
+/// lie that far beside their place.
+const BACK_ROWS: f64 = 1.5;
 /// Time without progress after which the needle counts as resting, s; the tissue then relaxes.
 const REST_S: f64 = 0.1;
+/// Where readings are further apart than that: a rest takes this multiple of their mean distance in time, and is
+/// slower than this share of the window's speed.
+const PAUSE: f64 = 3.0;
+const SLOW: f64 = 0.2;
 
 /// A drop of the measured force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,10 +113,14 @@ impl Crossings {
 
     /// Takes a reading of depth (m) and force against the insertion (N). Returns a drop once it is detected.
     pub fn take(&mut self, time_s: f64, depth_m: f64, force_n: f64) -> Option<Crossing> {
-        if let Some(last) = self.readings.back() {
-            if depth_m < last.depth_m - BACK_M || !(0.0..=REST_S).contains(&(time_s - last.time_s)) {
+        if let (Some(first), Some(last)) = (self.readings.front(), self.readings.back()) {
+            let (way, time) = (last.depth_m - first.depth_m, last.time_s - first.time_s);
+            let (on, after) = (depth_m - last.depth_m, time_s - last.time_s);
+            let parts = (self.readings.len() as f64 - 1.0).max(1.0);
+            let rests = after > REST_S.max(PAUSE * time / parts) && time > 0.0 && on * time <= SLOW * after * way;
+            if on < -BACK_M.max(BACK_ROWS * way / parts) || after < 0.0 || (rests && on > 0.0) {
                 self.readings.clear();
-            } else if depth_m <= last.depth_m {
+            } else if on <= 0.0 {
                 return None;
             }
         }
@@ -139,16 +150,20 @@ impl Crossings {
         if t.is_nan() || t <= quantile(FALSE_ALARMS / TESTS, freedom) {
             return None;
         }
-        let first = self.readings.get(self.readings.len() - drop.k)?;
+        let start = self.readings.len() - drop.k;
+        let first = self.readings.get(start)?;
         let last = self.readings.back()?;
-        // the fitted force at that reading without the drop
+        // the fitted force at that reading without the drop, which is extrapolated: no more than was read
         let smooth = first.force_n - first.left_n - drop.size * drop.beside(first);
+        let (before, after) = (self.readings.range(..start), self.readings.range(start..));
+        let largest = before.map(|r| r.force_n).fold(f64::NEG_INFINITY, f64::max);
+        let smallest = after.map(|r| r.force_n).fold(f64::INFINITY, f64::min);
         Some(Crossing {
             time_s: first.time_s,
             seen_s: last.time_s,
             depth_m: first.depth_m,
-            force_before_n: smooth,
-            force_after_n: smooth + drop.size,
+            force_before_n: smooth.min(largest),
+            force_after_n: (smooth + drop.size).max(smallest).min(largest),
         })
     }
 

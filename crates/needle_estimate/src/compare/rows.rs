@@ -132,6 +132,34 @@ impl Rows {
         (0..self.len()).filter(|&i| self.predicted_n[i].abs().max(self.measured_n[i].abs()) > least).collect()
     }
 
+    /// The rows without those in the air before a contact, where a prediction says nothing: the instrument is above the
+    /// surface on its way in and less than a share of the peak is predicted. On the way out tissue may still stick to it.
+    #[must_use]
+    pub(crate) fn in_contact(&self, share: f64) -> Self {
+        let least = share * self.predicted_n.iter().map(|p| p.abs()).fold(0.0, f64::max);
+        let air = |i: usize| self.depth_m[i] <= 0.0 && self.predicted_n[i].abs() <= least;
+        let mut kept: Vec<bool> = (0..self.len()).map(|i| !air(i)).collect();
+        let mut from = 0;
+        while let Some(begin) = (from..self.len()).find(|&i| air(i)) {
+            let end = (begin..self.len()).find(|&i| !air(i)).unwrap_or(self.len());
+            // the way out of an earlier contact ends at the highest point
+            let highest = (begin..end).min_by(|&a, &b| self.depth_m[a].total_cmp(&self.depth_m[b])).unwrap_or(begin);
+            kept[begin..highest].fill(begin > 0);
+            from = end;
+        }
+        let of = |column: &[f64]| column.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(x, _)| *x).collect();
+        let mut rows = Self {
+            time_s: of(&self.time_s),
+            depth_m: of(&self.depth_m),
+            predicted_n: of(&self.predicted_n),
+            measured_n: of(&self.measured_n),
+            ..self.clone()
+        };
+        let own = self.own_share();
+        rows.readings = self.readings.map(|_| (own * rows.len() as f64).round() as usize);
+        rows
+    }
+
     /// Standard deviation of some readings' residuals about a straight line, N, and the correlation of neighbours.
     #[must_use]
     pub(crate) fn scatter(&self, of: &[usize]) -> (f64, f64) {

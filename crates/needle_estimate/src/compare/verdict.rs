@@ -1,7 +1,7 @@
 //! Whether the model explains a measurement: compares the residuals with what noise, load cell and discretisation
 //! explain.
 //!
-//! The residuals under load, r = F - F_measured, are averaged over blocks of neighbouring readings. If the model is
+//! The residuals in contact and under load, r = F - F_measured, are averaged over blocks of neighbouring readings. If the model is
 //! right, the block means have the covariance
 //!
 //! ```text
@@ -16,7 +16,7 @@
 //! The reduced chi-square is r^T V^-1 r over the number of blocks minus that of fitted parameters: about 1 or less if
 //! the model explains the measurement. In it, a force that is wrong by a constant factor is one deviation among many
 //! blocks. So each block is also judged alone: the mean of r_a^2 / V_aa, after the likely zero and drift are
-//! subtracted. For this a value of 9 (three standard deviations) is scaled to [`EXPLAINED`]. The larger of the two is
+//! subtracted, up to three of their standard deviations. For this a value of 9 (three standard deviations) is scaled to [`EXPLAINED`]. The larger of the two is
 //! the reported figure.
 //!
 //! If the load cell measured a vector, each of its components in frame `sample` is judged in the same way, with zero
@@ -148,12 +148,14 @@ impl Verdict {
     }
 }
 
-/// Judges residuals. `fitted` is the number of parameters fitted to these readings. `force_error` is the relative
+/// Judges residuals in contact: before it, vibration, cables or a zero that is not yet at rest say nothing of the model. `fitted` is the number of parameters fitted to these readings. `force_error` is the relative
 /// standard uncertainty of the force's size.
 #[must_use]
 pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
-    let Some(blocks) = Blocks::of(rows) else {
-        let too_little = !rows.is_empty();
+    let all = rows;
+    let rows = &all.in_contact(LOADED);
+    let Some(blocks) = Blocks::of(rows, all) else {
+        let too_little = !all.is_empty();
         let reasons = if too_little { vec![too_few(rows)] } else { Vec::new() };
         return Verdict { reasons, too_little, ..Verdict::default() };
     };
@@ -208,7 +210,8 @@ impl Expected {
         let (solved, projected) = (factor.solve(&r), factor.solve(&cell));
         let likely =
             (DMatrix::identity(2, 2) + cell.transpose() * projected).cholesky()?.solve(&(cell.transpose() * &solved));
-        let left = &r - &cell * &likely;
+        // a larger one is not the load cell's, but of the model: a wrong factor on a ramp looks like a drift
+        let left = &r - &cell * likely.map(|deviations| deviations.clamp(-FAR, FAR));
         let together =
             (r.dot(&solved) - (cell.transpose() * &solved).dot(&likely)) / n.saturating_sub(fitted).max(1) as f64;
         let deviations = DVector::from_fn(n, |a, _| left[a] / variance[a].sqrt());
@@ -252,7 +255,8 @@ struct Blocks {
 }
 
 impl Blocks {
-    fn of(rows: &Rows) -> Option<Self> {
+    /// Blocks of the rows in contact; a load cell drifts over all of them.
+    fn of(rows: &Rows, all: &Rows) -> Option<Self> {
         let loaded = rows.loaded(LOADED);
         // forces between two readings say nothing of their own
         let own = rows.own_share();
@@ -267,10 +271,10 @@ impl Blocks {
         let noise_n = scatter[middle].0;
         scatter.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
         let alike = scatter[middle].1.clamp(0.0, 0.95);
-        let whole = rows.time_s[rows.len() - 1] - rows.time_s[0];
+        let (begin, end) = (all.time_s[0], all.time_s[all.len() - 1]);
         let mean = |g: &[usize], of: &dyn Fn(usize) -> f64| g.iter().map(|&i| of(i)).sum::<f64>() / g.len() as f64;
         let block = |g: &&[usize]| Block {
-            time: mean(g, &|i| rows.time_s[i] - rows.time_s[0]) / whole.max(f64::MIN_POSITIVE),
+            time: mean(g, &|i| rows.time_s[i] - begin) / (end - begin).max(f64::MIN_POSITIVE),
             depth_m: mean(g, &|i| rows.depth_m[i]),
             predicted_n: mean(g, &|i| rows.predicted_n[i]),
             residual_n: mean(g, &|i| rows.residual(i)),

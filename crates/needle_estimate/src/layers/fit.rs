@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{AIR, Known, LayersError, PIECE, Reading};
+use super::{AIR, Known, LayersError, PIECE, PUSHED, Reading};
 
 /// Part of the retraction that is left out, from its lowest force on, in diameters.
 const TURNED: f64 = 0.2;
@@ -32,6 +32,8 @@ pub(super) struct Fit {
     breaks: Vec<f64>,
     /// Friction per length of each layer, N/m, and slope of the last rise.
     forces: DVector<f64>,
+    /// Depth at which the friction of the retraction is complete, m: that of its lowest force.
+    turned: f64,
     /// Sum of squares of the residual, N^2.
     squares: f64,
     /// Standard errors of forces and breaks.
@@ -76,6 +78,7 @@ impl Fit {
                 layers,
                 breaks,
                 forces: DVector::zeros(0),
+                turned: lowest,
                 squares: f64::INFINITY,
                 errors: Vec::new(),
             };
@@ -203,6 +206,17 @@ impl Fit {
         self.known(i)
     }
 
+    /// How far the tip has pushed tissue ahead of it at the end of an insertion, m, and the needle drags it back on the way
+    /// out: as much of the shaft rubs at the end as where the friction of the way out is complete.
+    pub(crate) fn pushed_m(&self, end: f64, diameter: f64) -> f64 {
+        self.turn_m(end).min(PUSHED * diameter)
+    }
+
+    /// Way between the end of an insertion and where the friction of the way out is complete, m.
+    pub(crate) fn turn_m(&self, end: f64) -> f64 {
+        (end - self.turned).max(0.0)
+    }
+
     /// Whether there was a second insertion.
     pub(crate) const fn is_double(&self) -> bool {
         !self.again.is_empty()
@@ -234,6 +248,22 @@ impl Fit {
             let along = |i: usize| self.friction(i).value * within(end.value, self.comes(i), next(i));
             Known { value: (0..n).map(along).sum(), standard_error: last * end.standard_error }
         })
+    }
+
+    /// Friction along the shaft on the way out, N, where the tip is at a depth. Without a second insertion, which tells
+    /// where the first layer begins, it is taken to begin at the surface or above.
+    pub(crate) fn on_the_way_out(&self, depth: f64) -> Known {
+        let n = self.layers;
+        let first = self.breaks.len() - n;
+        let begins = |i: usize| {
+            let at = self.breaks.get(first + i).copied().unwrap_or(0.0);
+            if i == 0 && !self.is_double() { at.min(0.0) } else { at }
+        };
+        let length = |i: usize| within(depth, begins(i), (i + 1 < n).then(|| begins(i + 1)));
+        let part = |i: usize| self.friction(i).value * length(i);
+        let begin = self.friction(0).value * self.known(self.forces.len() + first).standard_error;
+        let error = |i: usize| self.friction(i).standard_error * length(i);
+        Known { value: (0..n).map(part).sum(), standard_error: (0..n).map(error).fold(begin, f64::hypot) }
     }
 
     /// Root mean square residual, N.

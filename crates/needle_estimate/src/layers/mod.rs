@@ -12,6 +12,9 @@
 //! at the deepest     the first insertion has cut as far as where the force of the second begins to rise: their difference is cutting
 //! ```
 //!
+//! What is found must add up to the force: friction and what acts at the tip are the force of the first insertion, and
+//! what acts at the tip is none that pulls. A friction that exceeds the reading anywhere is said ([`Found::beyond`]).
+//!
 //! The friction is a piecewise linear least-squares fit: linear in the forces per length, with a search for the
 //! breakpoints.
 
@@ -31,6 +34,14 @@ const FALLS: f64 = 0.2;
 const PIECE: f64 = 0.025;
 /// Height above the surface from which on readings are in air, in diameters.
 const AIR: f64 = 0.2;
+
+/// Number of depths at which the parts are compared with the reading.
+const DEPTHS: usize = 20;
+/// Largest way, in diameters, that the tip of the first insertion counts as having pushed tissue ahead of it, so that less of the
+/// shaft rubs than the depth says.
+const PUSHED: f64 = 4.0;
+/// What friction may exceed a reading by, as a share of the insertion's largest, beside twice its standard error.
+const SUM: f64 = 0.05;
 
 /// A value and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +65,27 @@ pub struct Layer {
     pub puncture_force_n: Option<Known>,
 }
 
+/// The force of the first insertion at a depth, and what of it is friction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// Depth, m.
+    pub depth_m: f64,
+    /// Reading less the zero, N.
+    pub measured_n: f64,
+    /// Friction along the shaft that was found, N.
+    pub friction_n: f64,
+    /// What the friction may exceed the reading by, N.
+    pub allowed_n: f64,
+}
+
+impl Part {
+    /// The rest, N: cutting, and tissue that the tip pushes ahead.
+    #[must_use]
+    pub fn at_the_tip_n(&self) -> f64 {
+        self.measured_n - self.friction_n
+    }
+}
+
 /// Result of the estimation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
@@ -67,6 +99,18 @@ pub struct Found {
     pub rmse_n: f64,
     /// Depths of the drops of the first insertion, m.
     pub drops_m: Vec<f64>,
+    /// What the force of the first insertion consists of, from the surface down.
+    pub parts: Vec<Part>,
+}
+
+impl Found {
+    /// Where the friction that was found exceeds the measured force most, if it does anywhere: it is then no friction
+    /// of this recording.
+    #[must_use]
+    pub fn beyond(&self) -> Option<&Part> {
+        let beyond = |p: &&Part| p.friction_n > p.measured_n + p.allowed_n;
+        self.parts.iter().filter(beyond).min_by(|a, b| a.at_the_tip_n().total_cmp(&b.at_the_tip_n()))
+    }
 }
 
 /// Why a recording can't be evaluated.
@@ -120,7 +164,24 @@ pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Foun
     } else {
         found.alone.clone_from(&found.cannot_tell);
     }
+    found.parts = parts(&fit, &first, diameter);
     Ok(found)
+}
+
+/// Friction and reading over the depth of the first insertion.
+#[allow(clippy::cast_precision_loss)]
+fn parts(fit: &Fit, first: &[Reading], diameter: f64) -> Vec<Part> {
+    let Some(end) = first.last().map(|r| r[1]) else { return Vec::new() };
+    let pushed = fit.pushed_m(end, diameter);
+    let width = end / DEPTHS as f64;
+    let means = fit::pieces(first, width);
+    let peak = means.iter().map(|p| p[1].abs()).fold(0.0, f64::max);
+    let part = |[depth_m, measured_n]: [f64; 2]| {
+        let friction = fit.on_the_way_out(depth_m - pushed);
+        let allowed_n = 2.0 * friction.standard_error + SUM * peak;
+        Part { depth_m, measured_n, friction_n: friction.value, allowed_n }
+    };
+    means.into_iter().filter(|p| p[0] > 0.0).map(part).collect()
 }
 
 /// Estimates layers from a recording's readings, made with the needle of a scene.

@@ -40,8 +40,16 @@ pub(super) fn resistance(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diame
                 puncture_force_n: None,
             };
             if !fit.is_double() {
-                let why = "how far the tip pushes the tissue ahead of it, and so how much of the shaft rubs, shows in a second insertion";
-                cannot_tell.push(format!("depth, cutting and puncture force of layer {}: {why}", i + 1));
+                of_one_insertion(&mut layer, i, fit, first, membranes.first().copied().flatten().filter(|_| certain), diameter);
+                let lacking = [("cutting", layer.cutting_force_n), ("puncture", layer.puncture_force_n)];
+                let forces: Vec<&str> = lacking.iter().filter(|(_, f)| f.is_none()).map(|(name, _)| *name).collect();
+                let forces = (!forces.is_empty()).then(|| format!("{} force", forces.join(" and ")));
+                let depth = (n > 1).then(|| "depth".to_owned());
+                let all: Vec<String> = depth.into_iter().chain(forces).collect();
+                if !all.is_empty() {
+                    let why = "how far the tip pushes the tissue ahead of it, and so how much of the shaft rubs, shows in a second insertion";
+                    cannot_tell.push(format!("{} of layer {}: {why}", all.join(", "), i + 1));
+                }
                 return layer;
             }
             layer.from_depth_m = Some(fit.begins(i));
@@ -64,7 +72,9 @@ pub(super) fn resistance(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diame
                 next.and_then(|next| less(bend(first, from, next - TURNS * diameter, diameter)?, fit.above(i + 1)))
             };
             if layer.cutting_force_n.is_none() {
-                let why = if i + 1 == n {
+                let why = if i + 1 == n && fit.channel().is_some() {
+                    "the friction of the second insertion takes up the whole force at the end of the first"
+                } else if i + 1 == n {
                     "the second insertion doesn't come to the end of the first one's channel"
                 } else {
                     "no membrane behind it, or no way of steady cutting before that, shows where the tip comes to its end"
@@ -74,7 +84,36 @@ pub(super) fn resistance(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diame
             layer
         })
         .collect();
-    Found { layers, cannot_tell, alone: Vec::new(), rmse_n: fit.rmse(), drops_m: drops.iter().map(|d| d[0]).collect() }
+    Found {
+        layers,
+        cannot_tell,
+        alone: Vec::new(),
+        rmse_n: fit.rmse(),
+        drops_m: drops.iter().map(|d| d[0]).collect(),
+        parts: Vec::new(),
+    }
+}
+
+/// What one insertion and its way out tell beside the friction. The membrane at the surface breaks before any of the
+/// shaft rubs. At the deepest as much of the shaft rubs as where the friction of the way out is complete: what the
+/// force there is more is the last layer's cutting force.
+fn of_one_insertion(layer: &mut Layer, i: usize, fit: &Fit, first: &[Reading], drop: Option<f64>, diameter: f64) {
+    // the friction ends below the surface: where the layers are is not known
+    if fit.comes(0) > NEAR * diameter {
+        return;
+    }
+    if i == 0 {
+        let force = drop.and_then(|d| before(first, d, diameter, AT));
+        layer.puncture_force_n = force.filter(|f| f.value > 1.96 * f.standard_error);
+    }
+    if i + 1 == fit.layers {
+        let end = first.last().map_or(0.0, |r| r[1]);
+        let friction = fit.on_the_way_out(end - fit.pushed_m(end, diameter));
+        // the needle may have left the channel's end before: along no more than the way of the turn
+        let turn = 0.5 * layer.friction_n_per_m.value * fit.turn_m(end);
+        let friction = Known { standard_error: friction.standard_error.hypot(turn), ..friction };
+        layer.cutting_force_n = before(first, end, diameter, TURNS).and_then(|force| less(force, friction));
+    }
 }
 
 /// Depths of the largest drops, one per layer, in order, if the others are much smaller. Membranes are punctured one
