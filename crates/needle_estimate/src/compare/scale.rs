@@ -79,7 +79,7 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named
     if pairs.len() < LEAST {
         return None;
     }
-    let untouched = || unreached(twin, readings, measured).map(|contact_m| never_touched(contact_m, None));
+    let untouched = || unreached(twin, readings, measured).map(|found| never_touched(found, None));
     let sign = turned(twin, readings, measured)
         .or_else(|| position_sign(&pairs, shallow, deep))
         .or_else(|| force_sign(&pairs));
