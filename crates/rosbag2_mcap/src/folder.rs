@@ -83,9 +83,15 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
             losses.retain(|_| !renamed);
         }
         files = present;
-        losses.extend(missing_pieces(&files));
-    } else if let Some(extra) = present.iter().find(|p| !seen.contains(*p)) {
-        warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
+        losses.extend(missing_pieces(&files, true));
+    } else {
+        if losses.is_empty() {
+            // reindex lists what is there; a recorder may have thrown the first pieces away
+            losses.extend(missing_pieces(&files, false));
+        }
+        if let Some(extra) = present.iter().find(|p| !seen.contains(*p)) {
+            warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
+        }
     }
     if files.is_empty() {
         return Err(nothing_in(folder));
@@ -168,8 +174,8 @@ fn piece(path: &Path) -> (String, Option<u64>) {
 }
 
 /// Pieces of a recording that are not there: `NAME_1.mcap` between `NAME_0.mcap` and `NAME_2.mcap`, and `NAME_0.mcap` before several others, as
-/// rosbag2 counts from 0.
-fn missing_pieces(files: &[PathBuf]) -> Vec<Loss> {
+/// rosbag2 counts from 0. `from_0`: whether the latter count.
+fn missing_pieces(files: &[PathBuf], from_0: bool) -> Vec<Loss> {
     const MOST: u64 = 1000;
     let numbered = |path: &PathBuf| {
         let (name, number) = piece(path);
@@ -186,7 +192,7 @@ fn missing_pieces(files: &[PathBuf]) -> Vec<Loss> {
         _ => Vec::new(),
     };
     let first = match files {
-        [first, second, ..] => numbered(first)
+        [first, second, ..] if from_0 => numbered(first)
             .filter(|(name, number)| *number < MOST && piece(second).0 == *name)
             .map_or_else(Vec::new, |(name, number)| loss(first, &name, 0..number)),
         _ => Vec::new(),
@@ -228,7 +234,7 @@ mod tests {
     fn pieces_are_counted_from_0() {
         let of = |names: &[&str]| -> Vec<String> {
             let files: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
-            missing_pieces(&files)
+            missing_pieces(&files, true)
                 .into_iter()
                 .map(|loss| loss.to_string().split(' ').next().unwrap_or_default().to_owned())
                 .collect()
