@@ -118,7 +118,8 @@ fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
         },
     );
     Some(format!(
-        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, or the right scene",
+        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, --position-scale if it is counted by an encoder, or \
+         the right scene",
         twin.height_m()
     ))
 }
