@@ -136,7 +136,10 @@ fn the_archive_holds_programs_that_name_what_is_linked() {
     let packages = list["packages"].as_array().unwrap();
     let of = |name: &str| packages.iter().find(|package| package["name"] == name);
     assert_eq!(of("needle_twin").unwrap()["root"], true);
-    assert_eq!((&of("clap").unwrap()["source"], &of("mtled").unwrap()["source"]), (&json!("crates.io"), &json!("local")));
+    assert_eq!(
+        (&of("clap").unwrap()["source"], &of("mtled").unwrap()["source"]),
+        (&json!("crates.io"), &json!("local"))
+    );
     assert!(of("proptest").is_none() && of("serde_derive").is_none());
 }
 
@@ -150,7 +153,8 @@ fn workflows_hold_what_the_linter_knows_and_a_wrong_one_does_not() {
     assert!(checked.status.success(), "{}", text(&checked.stderr));
     let folder = tempfile::tempdir().unwrap();
     let wrong = folder.path().join("wrong.yml");
-    let job = "name: x\non: push\njobs:\n  a:\n    runs-on: ubuntu-24.04\n    needs: gone\n    steps:\n      - run: true\n";
+    let job =
+        "name: x\non: push\njobs:\n  a:\n    runs-on: ubuntu-24.04\n    needs: gone\n    steps:\n      - run: true\n";
     fs::write(&wrong, job).unwrap();
     let checked = script("workflows", &[wrong.to_str().unwrap()], &[]);
     assert!(!checked.status.success() && (text(&checked.stderr) + &text(&checked.stdout)).contains("gone"));
