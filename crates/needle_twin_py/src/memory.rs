@@ -37,9 +37,11 @@ pub(crate) fn of(given: &Bound<'_, PyAny>) -> PyResult<Option<Memory>> {
         return frame(given.call_method0("write_csv")?.extract()?);
     }
     if let Ok(columns) = given.cast::<PyMapping>() {
-        let named = |pair: Bound<'_, PyAny>| pair.extract::<(String, Bound<'_, PyAny>)>();
-        let columns = columns.items()?.iter().map(named).collect::<PyResult<Vec<_>>>()?;
-        let text = of_columns(given.py(), &columns)?;
+        let mut named = Vec::new();
+        for pair in columns.items()?.iter() {
+            named.push((pair.get_item(0)?.extract::<String>()?, pair.get_item(1)?));
+        }
+        let text = of_columns(given.py(), &named)?;
         return Ok(Some(Memory { name: "the columns", text, headers: true }));
     }
     if !given.hasattr("__array_interface__")? {

@@ -106,7 +106,6 @@ impl Recording {
             markers: marker_columns.0,
             gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
             layout: TableLayout { separator, decimal_comma, header_line, comment, block, sheet },
-            ..Selection::default()
         };
         if let Some(memory) = memory::of(paths)? {
             memory.lay_out(&mut selection.layout);
