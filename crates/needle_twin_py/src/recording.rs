@@ -1,22 +1,25 @@
 //! Recordings: bags and tables.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use needle_recording::{Quantity, Selection, TableLayout, TopicNames};
+use needle_recording::{Quantity, Selection, Table, TableLayout, TopicNames};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::array;
 use crate::error::{RecordingError, in_python};
+use crate::memory::{self, Memory};
 
 /// A recording: the instrument's place and the measured force over time, from a rosbag2 folder, an .mcap file, or tables (CSV, TSV, .xlsx, .npy, .npz).
 ///
-/// `paths`: one path, or two where position and force are tables of their own. The options are those of the command line's `replay`: topics of a bag
+/// `paths`: one path, or two where position and force are tables of their own; or a table in memory: a dict of columns by their headers, a frame
+/// of pandas or polars, or an array with a row for each reading. The options are those of the command line's `replay`: topics of a bag
 /// or columns of a table (a header's text, or a number from 1), their units, and -1 for a sign that is the other way round. What isn't
 /// given is seen from the file where it can be.
 ///
 /// >>> recording = needle_twin.Recording("run.csv", position="Compression (mm)", force="Load (N)", time="Time (s)")
+/// >>> recording = needle_twin.Recording({"Time (s)": time_s, "Depth (mm)": depth_mm, "Load (N)": force_n})
 #[pyclass(module = "needle_twin", frozen)]
 pub(crate) struct Recording {
     pub recording: needle_recording::Recording,
@@ -26,9 +29,9 @@ pub(crate) struct Recording {
 #[pymethods]
 impl Recording {
     #[new]
-    #[pyo3(signature = (paths, *, position = None, position_unit = None, position_sign = 1, force = None, force_unit = None,
-        force_sign = 1, force_zero = None, time = Texts::default(), time_unit = None, rate_hz = None, time_offset_s = 0.0, pose_columns = None,
-        marker_columns = Texts::default(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None, sheet = None,
+    #[pyo3(signature = (paths, *, position = None, position_unit = None, position_sign = 1, position_zero = 0.0, position_scale = None, force = None, force_unit = None,
+        force_sign = 1, force_zero = None, force_columns = None, sensor_rotation = None, time = Texts::default(), time_unit = Texts::default(), rate_hz = None, time_offset_s = 0.0, pose_columns = None, sample_pose = None,
+        marker_columns = Texts::default(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None, sheet = None, block = None,
         measured_cp = None, joint = "insertion", frame_id = "sample"))]
     #[allow(clippy::too_many_arguments)] // keywords, one for each option of the command line
     fn new(
@@ -36,15 +39,20 @@ impl Recording {
         position: Option<String>,
         position_unit: Option<String>,
         position_sign: i32,
+        position_zero: f64,
+        position_scale: Option<f64>,
         force: Option<String>,
         force_unit: Option<String>,
         force_sign: i32,
         force_zero: Option<Zero>,
+        force_columns: Option<[String; 3]>,
+        sensor_rotation: Option<[f64; 4]>,
         time: Texts,
-        time_unit: Option<String>,
+        time_unit: Texts,
         rate_hz: Option<f64>,
         time_offset_s: f64,
-        pose_columns: Option<[String; 3]>,
+        pose_columns: Option<PoseColumns>,
+        sample_pose: Option<[f64; 7]>,
         marker_columns: Texts,
         gauge_length_m: Option<f64>,
         separator: Option<char>,
@@ -52,19 +60,29 @@ impl Recording {
         header_line: Option<usize>,
         comment: Option<String>,
         sheet: Option<String>,
+        block: Option<usize>,
         measured_cp: Option<String>,
         joint: &str,
         frame_id: &str,
     ) -> PyResult<Self> {
         let pose_wanted = measured_cp.is_some();
-        let selection = Selection {
+        let (pose, orientation) = match pose_columns {
+            Some(PoseColumns::Tip(tip)) => (Some(tip), None),
+            Some(PoseColumns::Pose([x, y, z, i, j, k, w])) => (Some([x, y, z]), Some([i, j, k, w])),
+            None => (None, None),
+        };
+        let mut selection = Selection {
             names: TopicNames {
                 pose: measured_cp,
                 joint: joint.to_owned(),
                 frame_id: frame_id.to_owned(),
                 ..TopicNames::default()
             },
-            position: quantity("position", position, position_unit, position_sign)?,
+            position: Quantity {
+                zero: finite("position_zero", position_zero)?,
+                factor: positive("position_scale", position_scale)?,
+                ..quantity("position", position, position_unit, position_sign)?
+            },
             force: Quantity {
                 zero: if let Some(Zero::One(zero)) = force_zero { finite("force_zero", zero)? } else { 0.0 },
                 ..quantity("force", force, force_unit, force_sign)?
@@ -78,14 +96,21 @@ impl Recording {
             },
             time_offset_s,
             time: time.0,
-            time_unit: time_unit.into_iter().collect(),
+            time_unit: time_unit.0,
             rate_hz: positive("rate_hz", rate_hz)?,
-            pose: pose_columns,
+            pose,
+            orientation,
+            forces: force_columns,
+            sensor_rotation,
+            sample_pose,
             markers: marker_columns.0,
             gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
-            layout: TableLayout { separator, decimal_comma, header_line, comment, block: None, sheet },
-            ..Selection::default()
+            layout: TableLayout { separator, decimal_comma, header_line, comment, block, sheet },
         };
+        if let Some(memory) = memory::of(paths)? {
+            memory.lay_out(&mut selection.layout);
+            return Self::of_memory(&memory, &selection, pose_wanted);
+        }
         Self::open(&files(paths)?, &selection, pose_wanted)
     }
 
@@ -174,12 +199,25 @@ impl Recording {
         read.map(|recording| Self { recording, pose_wanted })
             .map_err(|e| RecordingError::new_err(in_python(&e.to_string())))
     }
+
+    fn of_memory(memory: &Memory, selection: &Selection, pose_wanted: bool) -> PyResult<Self> {
+        let error = |e: &dyn std::fmt::Display| RecordingError::new_err(in_python(&e.to_string()));
+        let bytes = memory.text.clone().into_bytes();
+        let table = Table::from_bytes(Path::new(memory.name), bytes, selection, 0).map_err(|e| error(&e))?;
+        let recording = needle_recording::Recording::of_tables(&mut [table], selection).map_err(|e| error(&e))?;
+        Ok(Self { recording, pose_wanted })
+    }
 }
 
 /// A recording from what a user gave, by what is done with it: a [`Recording`] or a path.
 pub(crate) fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) -> PyResult<T>) -> PyResult<T> {
     if let Ok(recording) = given.cast::<Recording>() {
         return work(recording.get());
+    }
+    if let Some(memory) = memory::of(given)? {
+        let mut selection = Selection::default();
+        memory.lay_out(&mut selection.layout);
+        return work(&Recording::of_memory(&memory, &selection, false)?);
     }
     work(&Recording::open(&files(given)?, &Selection::default(), false)?)
 }
@@ -202,6 +240,13 @@ impl<'py> FromPyObject<'_, 'py> for Texts {
 enum Zero {
     One(f64),
     Three([f64; 3]),
+}
+
+/// Columns of the tip, x, y and z, and of the orientation, a quaternion x, y, z, w.
+#[derive(FromPyObject)]
+enum PoseColumns {
+    Tip([String; 3]),
+    Pose([String; 7]),
 }
 
 /// One path or several.

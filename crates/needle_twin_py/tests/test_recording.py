@@ -101,3 +101,69 @@ def test_layers_need_a_way_out(table):
         needle_twin.layers(table, 1, "compression")
     with pytest.raises(ValueError, match="1 to 16"):
         needle_twin.layers(table, 0, "layered_tissue")
+
+
+def columns(n=200):
+    t = np.arange(n) * 0.01
+    return t, np.maximum(0.0, t - 0.5), 0.31 * np.maximum(0.0, t - 0.5)
+
+
+def test_arrays_and_frames_are_tables():
+    t, d, f = columns()
+    given = {"Time (s)": t, "Depth (mm)": d, "Load (N)": f, "State": ["in" if x else "out" for x in d]}
+    of_columns = needle_twin.Recording(given)
+    assert np.array_equal(of_columns.depth_m, 1e-3 * d) and np.array_equal(of_columns.force_n[:, 2], f)
+    assert len(of_columns.losses) == 0 and of_columns.time_s[-1] == pytest.approx(t[-1])
+    rows = np.column_stack([t, d, f])
+    units = {"time_unit": "s", "position_unit": "mm", "force_unit": "N"}
+    of_array = needle_twin.Recording(rows, time="1", position="2", force="3", **units)
+    assert np.array_equal(of_array.depth_m, of_columns.depth_m) and np.array_equal(of_array.force_n[:, 2], f)
+    named = np.rec.fromarrays([t, d, f], names="time_s,depth_mm,force_n")
+    assert np.array_equal(needle_twin.Recording(named).depth_m, of_columns.depth_m)
+    # a reading that was not taken is none
+    f[7] = np.nan
+    assert len(needle_twin.Recording({"Time (s)": t, "Depth (mm)": d, "Load (N)": f}).force_time_s) == len(t) - 1
+    run = needle_twin.replay({"Time (s)": t, "Depth (mm)": d, "Load (N)": f}, "compression", changes={"discretisation.spacing_m": 0.004})
+    assert len(run.depth_m) == len(t)
+    with pytest.raises(ValueError, match="200 rows.*3 rows|3 rows.*200"):
+        needle_twin.Recording({"Time (s)": t, "Depth (mm)": d[:3]})
+    with pytest.raises(ValueError, match="two dimensions"):
+        needle_twin.Recording(t)
+    with pytest.raises(needle_twin.RecordingError, match="no such column"):
+        needle_twin.Recording(given, force="NOPE")
+
+
+def test_a_frame_of_pandas_is_a_table():
+    pandas = pytest.importorskip("pandas")
+    t, d, f = columns()
+    frame = pandas.DataFrame({"Time (s)": t, "Depth (mm)": d, "Load (N)": f})
+    assert np.array_equal(needle_twin.Recording(frame).depth_m, 1e-3 * d)
+    at = pandas.Timestamp("2026-03-04 10:15") + pandas.to_timedelta(t, unit="s")
+    by_time = pandas.DataFrame({"Depth (mm)": d, "Load (N)": f}, index=pandas.Index(at, name="time"))
+    recording = needle_twin.Recording(by_time)
+    assert np.array_equal(recording.depth_m, 1e-3 * d) and np.allclose(recording.time_s, t, atol=1e-9)
+
+
+def test_position_force_and_frames_have_the_options_of_the_command_line():
+    t, d, f = columns()
+    counts = {"Time (s)": t, "Encoder": 51_200 + 2048 * d, "Load (N)": f}
+    encoder = needle_twin.Recording(counts, position="Encoder", position_unit="mm", position_scale=1 / 2048, position_zero=51_200)
+    assert np.allclose(encoder.depth_m, 1e-3 * d)
+    turned = {"Time (s)": t, "Depth (mm)": d, "Fx (N)": f, "Fy (N)": 0 * f, "Fz (N)": 0 * f}
+    half = np.sqrt(0.5)
+    vector = needle_twin.Recording(turned, force_columns=["Fx", "Fy", "Fz"], sensor_rotation=[half, 0, -half, 0])
+    assert np.allclose(vector.force_n, np.column_stack([0 * f, 0 * f, f]))
+
+
+def test_the_console_script(table, tmp_path, capsys):
+    from needle_twin.__main__ import main
+
+    coarse = ["--set", "discretisation.spacing_m=0.004"]
+    assert main(["scenes"]) == 0 and "needle_insertion" in capsys.readouterr().out
+    assert main(["solve", "compression", "--out", str(tmp_path / "run"), *coarse]) == 0
+    assert (tmp_path / "run" / "report.html").is_file() and "checksum" in capsys.readouterr().out
+    assert main(["replay", str(table), "--scene", "compression", "--set", "material.shear_modulus_pa=900", *coarse]) == 3
+    assert main(["replay", str(table), "--scene", "compression", "--force", "Laod"]) == 1
+    assert "no such column" in capsys.readouterr().err
+    assert main(["calibrate", str(table), "--scene", "compression", "--fit", "material.shear_modulus_pa", *coarse]) == 0
+    assert "material.shear_modulus_pa = 1" in capsys.readouterr().out

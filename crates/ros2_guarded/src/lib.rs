@@ -50,6 +50,7 @@ pub use bell::Bell;
 pub use health::Health;
 pub use keeper::Middleware;
 pub use link::{Delivery, Inlets, Link, Mailbox, Unsent, cdr, publication};
+pub use loopback::{is_own_machine_wide, whole_to_others};
 pub use process::serve;
 pub use raw::RawCdr;
 pub use session::ZenohSession;

@@ -7,33 +7,91 @@
 //! time to live 0 is returned to this machine and goes to no card, as long as a socket of the machine has joined the group there;
 //! RustDDS joins before it sends.
 //!
-//! RustDDS has no setting for either, and binds each of its sockets to every address.
+//! RustDDS has no setting for either, and binds each of its sockets to every address. The options are set while it looks at the
+//! addresses. A program that was built without the patch of `netdev` does not learn when that is: it stays on the loopback device, and the
+//! filter is set once RustDDS has begun.
 
 use std::fs;
 use std::io;
-use std::net::{Ipv4Addr, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, UdpSocket};
+use std::sync::OnceLock;
 
+use ros2_client::dds::rustdds::dds::CreateResult;
+use ros2_client::dds::rustdds::{DomainParticipant, DomainParticipantBuilder};
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, getpid, pidfd_getfd, pidfd_open};
 use socket2::{Domain, SockFilter, SockRef};
 
-/// What a system needs that refuses it.
-pub(super) const REMEDY: &str = "a container needs the capability SYS_PTRACE for it";
+/// Why the sockets can't be kept to this machine from the first datagram on, and what to do.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unkept {
+    /// Open files can't be listed, or the process is not let at its own sockets or their filter.
+    #[error("{0}; a container needs the capability SYS_PTRACE for it")]
+    Refused(#[from] io::Error),
+    #[error(
+        "this program was built without the patch of the crate netdev; build it from the project's repository, or with the two lines of \
+         own_addresses' description in its Cargo.toml"
+    )]
+    Unpatched,
+}
+
+/// Whether RustDDS asks [`own_addresses`]. It resolves `netdev` as this crate does.
+#[must_use]
+pub(super) fn is_patched() -> bool {
+    let before = own_addresses::looks();
+    drop(netdev::get_interfaces());
+    own_addresses::looks() != before
+}
+
+/// Headers of IP, UDP and RTPS in front of a message, and what RustDDS puts beside it, bytes.
+const HEADERS: usize = 132;
+
+/// Largest message that reaches Fast DDS on another machine, bytes: RustDDS cuts longer ones into DATA_FRAGs that Fast DDS rejects
+/// (`docs/lab/upstream/rustdds.md`, 7). Without the patch of `netdev` that is so on this machine as well.
+#[must_use]
+pub fn whole_to_others() -> usize {
+    static OF: OnceLock<usize> = OnceLock::new();
+    *OF.get_or_init(|| if is_patched() { own_addresses::OTHERS_MTU as usize } else { 1500 } - HEADERS)
+}
+
+/// Whether messages to Fast DDS on this machine have larger bounds than those to other machines.
+#[must_use]
+pub fn is_own_machine_wide() -> bool {
+    whole_to_others() > 1500
+}
 
 /// Keeps the sockets that RustDDS opens from now on to this machine, before it reads or sends anything.
-///
-/// # Errors
-/// If the system lists no open files, or does not let a process at its own sockets or their filter.
-pub(super) fn prepare() -> io::Result<()> {
+pub(super) fn prepare() -> Result<(), Unkept> {
     let _trial = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
     confine()?;
-    netdev::at_every_look(|| drop(confine()));
+    if !is_patched() {
+        return Err(Unkept::Unpatched);
+    }
+    own_addresses::at_every_look(|| drop(confine()));
     Ok(())
+}
+
+/// A participant on this machine alone, and why its sockets were not kept to it from the start, if they were not: then it
+/// uses the loopback device alone.
+///
+/// # Errors
+/// As of [`DomainParticipantBuilder::build`].
+pub(super) fn build(mut builder: DomainParticipantBuilder) -> CreateResult<(DomainParticipant, Option<Unkept>)> {
+    let unkept = prepare().err();
+    if unkept.is_some() {
+        builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
+    }
+    let participant = builder.build()?;
+    if matches!(unkept, Some(Unkept::Unpatched)) {
+        // its sockets are open by now, and nothing of it has been read by this program
+        drop(confine());
+    }
+    Ok((participant, unkept))
 }
 
 /// Keeps every internet socket of this process to this machine, and says how many there are.
 ///
 /// # Errors
-/// As of [`prepare`].
+/// If the system lists no open files, or does not let a process at its own sockets or their filter.
 pub(super) fn confine() -> io::Result<usize> {
     let own = pidfd_open(getpid(), PidfdFlags::empty())?;
     let mut confined = 0;
@@ -83,7 +141,6 @@ fn from_this_machine() -> [SockFilter; 6] {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use std::net::IpAddr;
     use std::time::Duration;
 
     use super::*;
@@ -93,7 +150,7 @@ mod tests {
     #[test]
     fn a_socket_on_all_addresses_hears_every_address_of_this_machine_and_its_multicast() {
         const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
-        let cards: Vec<_> = netdev::get_interfaces().into_iter().filter(|i| i.ipv4.is_some()).collect();
+        let cards: Vec<_> = own_addresses::get_interfaces().into_iter().filter(|i| i.ipv4.is_some()).collect();
         let ear = UdpSocket::bind("0.0.0.0:0").unwrap();
         ear.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let mouth = UdpSocket::bind("0.0.0.0:0").unwrap();
@@ -112,5 +169,10 @@ mod tests {
             }
         }
         assert_eq!(mouth.multicast_ttl_v4().unwrap(), 0);
+        // in the workspace RustDDS asks what this crate asks; built from the registry it does not, and that is said
+        let patched = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../netdev/Cargo.toml")).exists();
+        assert_eq!(is_patched(), patched);
+        assert_eq!((whole_to_others(), is_own_machine_wide()), if patched { (16_252, true) } else { (1_368, false) });
+        assert!(Unkept::Unpatched.to_string().contains("own_addresses"));
     }
 }

@@ -4,7 +4,7 @@
 use std::ffi::OsString;
 use std::future::Future;
 use std::io::{self, Write as _};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::pin::Pin;
@@ -23,7 +23,7 @@ use ros2_client::{
 use super::ARGUMENT;
 use super::frames::Frames;
 use super::graph::{EndpointRecord, Graph};
-use super::loopback;
+use super::loopback::{self, Unkept};
 use super::obituary;
 use super::outflow::{Writer, publish_all};
 use super::prompt::Prompt;
@@ -135,15 +135,17 @@ struct Domain {
 
 impl Domain {
     fn join(plan: &Plan, uplink: &Arc<Uplink>) -> Result<Self, String> {
-        let mut builder = DomainParticipantBuilder::new(plan.domain);
-        if plan.localhost
-            && let Err(error) = loopback::prepare()
-        {
-            builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
-            say_open(&error, uplink);
-        }
+        let builder = DomainParticipantBuilder::new(plan.domain);
         let what = |e: &dyn std::fmt::Display| format!("joining domain {}: {e}", plan.domain);
-        let participant = builder.build().map_err(|e| what(&e))?;
+        let participant = if plan.localhost {
+            let (participant, unkept) = loopback::build(builder).map_err(|e| what(&e))?;
+            if let Some(reason) = unkept {
+                uplink.log(log::Level::Warn, &told_of(&reason));
+            }
+            participant
+        } else {
+            builder.build().map_err(|e| what(&e))?
+        };
         let ear = ear(plan.domain, participant.participant_id());
         let context = Context::from_domain_participant(participant).map_err(|e| what(&e))?;
         let full = format!("{}/{}", plan.namespace.trim_end_matches('/'), plan.node);
@@ -288,15 +290,16 @@ impl Domain {
 }
 
 /// Says that sockets can't be kept to this machine.
-fn say_open(error: &io::Error, uplink: &Uplink) {
-    uplink.log(
-        log::Level::Warn,
-        &format!(
-            "sockets can't be kept to this machine ({error}; {}): programs that use a network card do not find this node, and packets \
-             that other machines send to this machine's RTPS ports are read; keep them out with a firewall",
-            loopback::REMEDY
-        ),
+fn told_of(reason: &Unkept) -> String {
+    let unseen = format!(
+        "sockets can't be kept to this machine ({reason}): programs that use a network card do not find this node"
     );
+    match reason {
+        Unkept::Refused(_) => format!(
+            "{unseen}, and packets that other machines send to this machine's RTPS ports are read; keep them out with a firewall"
+        ),
+        Unkept::Unpatched => unseen,
+    }
 }
 
 /// Where RustDDS listens for the participant's messages (RTPS: 7400 + 250 domain + 11 + 2 participant).

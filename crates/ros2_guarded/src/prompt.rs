@@ -28,7 +28,7 @@ impl Prompt {
             Ok(Self { socket })
         };
         // RustDDS takes a peer that speaks from the loopback's address for one on this machine.
-        let cards = netdev::get_interfaces().into_iter().filter(|card| !card.is_loopback());
+        let cards = own_addresses::get_interfaces().into_iter().filter(|card| !card.is_loopback());
         let own = cards.filter_map(|card| card.ipv4).find_map(|own| from(own.addr()).ok());
         own.map_or_else(|| from(Ipv4Addr::LOCALHOST), Ok)
     }

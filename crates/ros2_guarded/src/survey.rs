@@ -6,7 +6,6 @@
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::io::{self, Read as _, Write as _};
-use std::net::{IpAddr, Ipv4Addr};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -106,12 +105,14 @@ pub(super) fn run(mut arguments: impl Iterator<Item = OsString>) -> Result<(), S
 fn listen(domain: u16, localhost: bool, time: Duration) -> Result<Survey, String> {
     let say = |e: &dyn std::fmt::Display| format!("joining domain {domain}: {e}");
     let mut survey = Survey::default();
-    let mut builder = DomainParticipantBuilder::new(domain);
-    if localhost && let Err(error) = loopback::prepare() {
-        builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
-        survey.open = Some(format!("{error}; {}", loopback::REMEDY));
-    }
-    let participant = builder.build().map_err(|e| say(&e))?;
+    let builder = DomainParticipantBuilder::new(domain);
+    let participant = if localhost {
+        let (participant, unkept) = loopback::build(builder).map_err(|e| say(&e))?;
+        survey.open = unkept.map(|reason| reason.to_string());
+        participant
+    } else {
+        builder.build().map_err(|e| say(&e))?
+    };
     let own = participant.guid().prefix;
     let listener = participant.status_listener();
     let context = Context::from_domain_participant(participant.clone()).map_err(|e| say(&e))?;

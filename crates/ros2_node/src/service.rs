@@ -14,7 +14,7 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use super::environment::Environment;
 use super::logging::Throttle;
-use ros2_guarded::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr};
+use ros2_guarded::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr, is_own_machine_wide, whole_to_others};
 
 /// RTPS vendor id of Eclipse Cyclone DDS.
 const VENDOR_CYCLONE: [u8; 2] = [0x01, 0x10];
@@ -91,8 +91,6 @@ const LONGEST_ANSWER: usize = 1_000_000;
 /// in front of the identity in the metadata of fragmented messages. So other implementations of DDS reject these as
 /// malformed.
 const LONGEST_WHOLE: usize = 60_000;
-/// The same to another machine: a packet of 16 kB (`crates/netdev`) minus the headers.
-const LONGEST_TO_OTHERS: usize = 16_252;
 
 /// A service server.
 pub struct Service<Q, R> {
@@ -183,16 +181,24 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
-        } else if self.open && !whole && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_TO_OTHERS {
+        } else if (self.open || !is_own_machine_wide())
+            && !whole
+            && caller.id[..2] != VENDOR_RUSTDDS
+            && bytes_sent > whole_to_others()
+        {
             self.warn_of_fragments(bytes_sent);
         }
     }
 
     fn warn_of_fragments(&self, bytes: usize) {
         if self.complaints.borrow_mut().pass().is_some() {
+            let (where_, others) = if is_own_machine_wide() {
+                (" on another machine", "one on this machine does, and so does rmw_cyclonedds_cpp")
+            } else {
+                ("", "rmw_cyclonedds_cpp does (a build with the patch of netdev reaches both)")
+            };
             tracing::warn!(
-                "an answer of `{}` has {bytes} bytes: a caller on rmw_fastrtps_cpp on another machine does not get it; \
-                 one on this machine does, and so does rmw_cyclonedds_cpp",
+                "an answer of `{}` has {bytes} bytes: a caller on rmw_fastrtps_cpp{where_} does not get it; {others}",
                 self.name
             );
         }

@@ -163,7 +163,7 @@ pub enum Loss {
         file: String,
     },
     /// A piece of a split recording that is not there.
-    #[error("{file} is not there, a piece between others of the recording: what it held is lost")]
+    #[error("{file} is not there, a piece of the recording: what it held is lost")]
     MissingPiece {
         /// Name that the file would have.
         file: String,

@@ -83,9 +83,15 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
             losses.retain(|_| !renamed);
         }
         files = present;
-        losses.extend(missing_pieces(&files));
-    } else if let Some(extra) = present.iter().find(|p| !seen.contains(*p)) {
-        warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
+        losses.extend(missing_pieces(&files, true));
+    } else {
+        if losses.is_empty() {
+            // reindex lists what is there; a recorder may have thrown the first pieces away
+            losses.extend(missing_pieces(&files, false));
+        }
+        if let Some(extra) = present.iter().find(|p| !seen.contains(*p)) {
+            warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
+        }
     }
     if files.is_empty() {
         return Err(nothing_in(folder));
@@ -167,17 +173,31 @@ fn piece(path: &Path) -> (String, Option<u64>) {
     (name.to_owned(), number.parse().ok())
 }
 
-/// Pieces that are not there between others of one recording, as `NAME_1.mcap` between `NAME_0.mcap` and `NAME_2.mcap`.
-fn missing_pieces(files: &[PathBuf]) -> Vec<Loss> {
+/// Pieces of a recording that are not there: `NAME_1.mcap` between `NAME_0.mcap` and `NAME_2.mcap`, and `NAME_0.mcap` before several others, as
+/// rosbag2 counts from 0. `from_0`: whether the latter count.
+fn missing_pieces(files: &[PathBuf], from_0: bool) -> Vec<Loss> {
     const MOST: u64 = 1000;
-    let between = |pair: &[PathBuf]| {
-        let ((name, before), (next, after)) = (piece(&pair[0]), piece(&pair[1]));
-        let numbers = before.zip(after).filter(|_| name == next && name.ends_with('_'));
-        let (from, to) = numbers.map_or((0, 0), |(before, after)| (before + 1, after.min(before + MOST)));
-        let end = ends(&pair[0]).unwrap_or_default();
-        (from..to).map(move |number| Loss::MissingPiece { file: format!("{name}{number}{end}") })
+    let numbered = |path: &PathBuf| {
+        let (name, number) = piece(path);
+        number.filter(|_| name.ends_with('_')).map(|number| (name, number))
     };
-    files.windows(2).flat_map(between).collect()
+    let loss = |before: &PathBuf, name: &str, numbers: std::ops::Range<u64>| -> Vec<Loss> {
+        let end = ends(before).unwrap_or_default();
+        numbers.map(|number| Loss::MissingPiece { file: format!("{name}{number}{end}") }).collect()
+    };
+    let between = |pair: &[PathBuf]| match (numbered(&pair[0]), numbered(&pair[1])) {
+        (Some((name, before)), Some((next, after))) if name == next => {
+            loss(&pair[0], &name, before + 1..after.min(before + MOST))
+        }
+        _ => Vec::new(),
+    };
+    let first = match files {
+        [first, second, ..] if from_0 => numbered(first)
+            .filter(|(name, number)| *number < MOST && piece(second).0 == *name)
+            .map_or_else(Vec::new, |(name, number)| loss(first, &name, 0..number)),
+        _ => Vec::new(),
+    };
+    first.into_iter().chain(files.windows(2).flat_map(between)).collect()
 }
 
 /// Looks at the first bytes of a file.
@@ -204,4 +224,27 @@ pub(super) fn check_start(path: &Path, source: &Source) -> Result<(), BagError> 
         ("not a bag: it does not start like an MCAP file", "name a rosbag2 folder or an .mcap file")
     };
     Err(BagError::NotABag { path: path.to_path_buf(), found: found.to_owned(), remedy: remedy.to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_counted_from_0() {
+        let of = |names: &[&str]| -> Vec<String> {
+            let files: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
+            missing_pieces(&files, true)
+                .into_iter()
+                .map(|loss| loss.to_string().split(' ').next().unwrap_or_default().to_owned())
+                .collect()
+        };
+        assert_eq!(of(&["run_0.mcap", "run_1.mcap"]), [""; 0]);
+        assert_eq!(of(&["run_0.mcap", "run_2.mcap.zstd"]), ["run_1.mcap"]);
+        assert_eq!(of(&["run_2.mcap", "run_3.mcap"]), ["run_0.mcap", "run_1.mcap"]);
+        // one file may have any number, and so may a date
+        assert_eq!(of(&["gel_7.mcap"]), [""; 0]);
+        assert_eq!(of(&["a_3.mcap", "b_4.mcap"]), [""; 0]);
+        assert_eq!(of(&["gel_20260304.mcap", "gel_20260305.mcap"]), [""; 0]);
+    }
 }

@@ -167,8 +167,7 @@ fn kept_to_this_machine(heard: &Survey, subnet: bool) -> Row {
         Some(reason) => Row::note(
             NAME,
             format!("can't be kept to this machine ({reason})"),
-            "Give the container the capability SYS_PTRACE, or set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST for your other nodes too, which \
-             do not find the twin otherwise.",
+            "Do that, or set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST for your other nodes too, which do not find the twin otherwise.",
         ),
     }
 }
@@ -239,8 +238,9 @@ mod tests {
 
     #[test]
     fn a_socket_that_hears_other_machines_is_said_with_what_to_do() {
-        let open = Survey { open: Some("not permitted".to_owned()), ..Survey::default() };
+        let open = Survey { open: Some("not permitted; it needs SYS_PTRACE".to_owned()), ..Survey::default() };
         let row = kept_to_this_machine(&open, false);
-        assert!(row.verdict == Verdict::Note && row.advice.unwrap().contains("SYS_PTRACE"));
+        assert!(row.verdict == Verdict::Note && row.value.contains("SYS_PTRACE"));
+        assert!(row.advice.unwrap().contains("LOCALHOST"));
     }
 }

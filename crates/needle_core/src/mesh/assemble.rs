@@ -76,9 +76,10 @@ pub(super) fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
     };
     let largest = (0..3).map(extent).fold(0.0, f64::max);
     if largest > LARGEST {
+        let (name, unit) = if largest > 1e3 * unit_m { ("um", "1e-6") } else { ("mm", "0.001") };
         return Err(format!(
             "it is {largest:.4} m long with {unit_m} m per unit (mesh_unit_m); at most {LARGEST} m are taken: a mesh \
-             in mm has mesh_unit_m = 0.001"
+             in {name} has mesh_unit_m = {unit}"
         ));
     }
     Ok(())

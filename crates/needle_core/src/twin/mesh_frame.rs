@@ -14,6 +14,8 @@ const UNITS: [(&str, f64, f64); 5] =
     [("m", 1.0, 0.0), ("cm", 1e-2, 1.2), ("mm", 1e-3, 0.0), ("um", 1e-6, 0.0), ("inches", 0.0254, 1.2)];
 /// Depth of a usual motion over the body's largest extent.
 const DEPTH_SHARE: f64 = 0.1;
+/// Difference of two units' likelihoods, in factors of e, up to which both are named.
+const NEARLY: f64 = 1.5;
 /// Share of its area by which a contact surface that faces some way does so.
 const FACING: f64 = 0.3;
 
@@ -70,15 +72,23 @@ fn size(scene: &Scene, file: &MeshFile, extents: [f64; 3]) -> Option<String> {
     let usual = if beside > 0.0 { beside / DEPTH_SHARE } else { (least * most).sqrt() };
     let factor = |unit: f64| unit / file.unit_m;
     let off = |(_, unit, unlikely): &(&str, f64, f64)| (largest * factor(*unit) / usual).ln().abs() + unlikely;
-    let (name, unit, _) = UNITS.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+    let mut units = UNITS;
+    units.sort_by(|a, b| off(a).total_cmp(&off(b)));
+    let [(name, unit, _), next, ..] = units;
+    let of = |unit: f64| shown(extents.map(|e| e * factor(unit)));
+    let or = if off(&next) - off(&units[0]) < NEARLY {
+        format!("; or {}, {} (then {})", next.0, next.1, of(next.1))
+    } else {
+        String::new()
+    };
     let scale = lengths.iter().map(|(key, length)| format!("{key} = {length}")).collect::<Vec<_>>().join(", ");
     let with = if scale.is_empty() { String::new() } else { format!(" beside {scale}") };
     let likely = if unit == file.unit_m {
         format!("is sample.mesh_unit_m = {} right?", file.unit_m)
     } else {
         format!(
-            "its unit is likely {name}: give sample.mesh_unit_m = {unit} (then {}) instead of {}",
-            shown(extents.map(|e| e * factor(unit))),
+            "its unit is likely {name}: give sample.mesh_unit_m = {unit} (then {}) instead of {}{or}",
+            of(unit),
             file.unit_m
         )
     };

@@ -19,6 +19,8 @@ const CONTACTS: u32 = 240;
 const LOOKED_AT: usize = 400;
 /// A force is significant above this multiple of its noise.
 const CLEAR: f64 = 10.0;
+/// Largest residual, as a share of that of a curve without a beginning, at which forces clearly begin on the way.
+const KINK: f64 = 0.2;
 /// Smallest share of the axial force at which a lateral force on a straight insertion is refused: 19 degrees, an error
 /// of 6 % of the force.
 const BESIDE: f64 = 0.35;
@@ -147,40 +149,91 @@ fn rotation(force: [f64; 3], axis: [f64; 3]) -> Option<[f64; 4]> {
     (size > 1e-6).then(|| [w, x, y, z].map(|part| (part / size * 1e5).round() * 1e-5 + 0.0))
 }
 
-/// Likely recorded depth of first contact, m, if the recorded depths never reach the sample but the load cell clearly
-/// shows contact.
+/// Where the load cell clearly shows first contact, although by the recorded depths it is elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Elsewhere {
+    /// Recorded depth of first contact, m.
+    pub contact_m: f64,
+    /// Whether the recorded depth falls while the instrument goes in.
+    pub reversed: bool,
+}
+
+/// Likely place of first contact, if the recorded depths never reach the sample, or are deeper in it from the first
+/// reading on than they change, but the load cell shows contact on the way.
 #[must_use]
-pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<f64> {
+pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<Elsewhere> {
     let pairs = super::scale::pairs(twin, readings, measured);
     let depths = pairs.iter().map(|p| p.0);
     let (shallow, deep) = (depths.clone().fold(f64::INFINITY, f64::min), depths.fold(f64::NEG_INFINITY, f64::max));
     let travel = deep - shallow;
-    if pairs.len() < 64 || deep > SURFACE * travel || travel <= 0.0 {
+    if pairs.len() < 64 || travel <= 0.0 {
         return None;
     }
-    let way = super::scale::way_in(&pairs);
-    let way: Vec<(f64, f64)> = way.iter().copied().step_by(way.len().div_ceil(LOOKED_AT)).collect();
+    let in_place = twin.scene().motion.is_some_and(|motion| motion.start_depth.get() > 0.0);
+    if deep > SURFACE * travel && (shallow < travel || in_place) {
+        return None;
+    }
     let curve = curve(twin, travel.min(0.9 * twin.reach_m()))?;
-    let contacts = (0..CONTACTS).map(|i| shallow + travel * f64::from(i) / f64::from(CONTACTS));
-    let fits = contacts.filter_map(|contact| Some((contact, left(&way, &curve, contact)?)));
-    let (contact, _) = fits.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let noise = super::scale::noise(&pairs);
-    let forces = way.iter().map(|p| p.1);
-    let range = forces.clone().fold(f64::NEG_INFINITY, f64::max) - forces.fold(f64::INFINITY, f64::min);
-    (range > CLEAR * noise).then_some(contact)
+    if deep <= SURFACE * travel {
+        return touch(&pairs, &curve).map(|touch| Elsewhere { contact_m: touch.contact_m, reversed: false });
+    }
+    let away: Vec<(f64, f64)> = pairs.iter().map(|(depth, force)| (-depth, *force)).collect();
+    let both = [(&pairs, false), (&away, true)].map(|(pairs, reversed)| {
+        let touch = touch(pairs, &curve)?;
+        // there is a way to the contact, and nothing else has such a kink
+        let kinked = touch.before > SURFACE * travel && touch.left < KINK * touch.left_without;
+        kinked.then_some((
+            touch.left,
+            Elsewhere { contact_m: if reversed { -touch.contact_m } else { touch.contact_m }, reversed },
+        ))
+    });
+    both.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, found)| found)
 }
 
-/// The message if the sample is never touched. `reading` is the recorded number at the contact, if it is not the
-/// depth in m.
+/// A contact on the way in.
+struct Touch {
+    contact_m: f64,
+    /// Way up to it, m.
+    before: f64,
+    /// Residual with it, and with a contact before all readings.
+    left: f64,
+    left_without: f64,
+}
+
+/// The contact that explains the forces of the way in best; `None` if they show none.
+fn touch(pairs: &[(f64, f64)], curve: &[(f64, f64)]) -> Option<Touch> {
+    let way = super::scale::way_in(pairs);
+    let way: Vec<(f64, f64)> = way.iter().copied().step_by(way.len().div_ceil(LOOKED_AT)).collect();
+    let depths = || way.iter().map(|p| p.0);
+    let (shallow, deep) = (depths().fold(f64::INFINITY, f64::min), depths().fold(f64::NEG_INFINITY, f64::max));
+    let contacts = (0..CONTACTS).map(|i| shallow + (deep - shallow) * f64::from(i) / f64::from(CONTACTS));
+    let fits = contacts.filter_map(|contact| Some((contact, left(&way, curve, contact)?)));
+    let (contact_m, rest) = fits.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let left_without = left(&way, curve, shallow)?;
+    let forces = way.iter().map(|p| p.1);
+    let range = forces.clone().fold(f64::NEG_INFINITY, f64::max) - forces.fold(f64::INFINITY, f64::min);
+    let clear = range > CLEAR * super::scale::noise(pairs);
+    clear.then_some(Touch { contact_m, before: contact_m - shallow, left: rest, left_without })
+}
+
+/// The message about a contact elsewhere. `reading` is the recorded number there, if it is not the depth in m.
 #[must_use]
-pub fn never_touched(contact_m: f64, reading: Option<f64>) -> String {
+pub fn never_touched(found: Elsewhere, reading: Option<f64>) -> String {
+    let Elsewhere { contact_m, reversed } = found;
+    let sign = if reversed { "--position-sign -1 and " } else { "" };
     let what = reading.map_or_else(
-        || "give the sensor's reading there with --position-zero".to_owned(),
-        |number| format!("give --position-zero {number:.6}"),
+        || format!("give {sign}the sensor's reading there with --position-zero"),
+        |number| format!("give {sign}--position-zero {number:.6}"),
     );
+    let depths = if reversed {
+        "the recorded depths fall while the instrument goes in"
+    } else if contact_m > 0.0 {
+        "by the recorded depths the instrument is in the sample from the first reading on"
+    } else {
+        "by the recorded depths the sample is never touched"
+    };
     format!(
-        "by the recorded depths the sample is never touched, and the load cell feels it from a recorded depth of about {:.3} mm on: the \
-         displacement sensor's zero is elsewhere; {what}",
+        "{depths}, and the load cell feels it from a recorded depth of about {:.3} mm on: the displacement sensor's zero is elsewhere; {what}",
         1e3 * contact_m
     )
 }

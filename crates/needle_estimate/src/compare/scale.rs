@@ -79,7 +79,7 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named
     if pairs.len() < LEAST {
         return None;
     }
-    let untouched = || unreached(twin, readings, measured).map(|contact_m| never_touched(contact_m, None));
+    let untouched = || unreached(twin, readings, measured).map(|found| never_touched(found, None));
     let sign = turned(twin, readings, measured)
         .or_else(|| position_sign(&pairs, shallow, deep))
         .or_else(|| force_sign(&pairs));
@@ -118,7 +118,8 @@ fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
         },
     );
     Some(format!(
-        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, or the right scene",
+        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, --position-scale if it is counted by an encoder, or \
+         the right scene",
         twin.height_m()
     ))
 }

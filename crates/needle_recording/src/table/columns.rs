@@ -135,13 +135,51 @@ impl Finder<'_> {
         ranks.iter().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
     }
 
+    /// The columns of numbers that have a unit of the quantity, and no name that says otherwise.
+    fn of_unit(&self, sought: &Sought, taken: &[usize]) -> Vec<usize> {
+        let headers = self.layout.headers.as_deref().unwrap_or_default();
+        let of = |i: &usize| {
+            let header = &headers[*i];
+            let known = [names::TIME, names::POSITION, names::FORCE].iter().any(|words| words.rank(header) > 0);
+            !taken.contains(i)
+                && self.layout.kind(*i) == Kind::Number
+                && sought.dimension.in_brackets(header)
+                && !known
+                && !names::is_other(header)
+        };
+        (0..headers.len()).filter(of).collect()
+    }
+
+    /// A message about forces, by their units, of which none is taken.
+    pub(super) fn forces_left(&self, columns: &Columns) -> Option<String> {
+        let left = self.of_unit(&FORCE, &[]);
+        let none = columns.force.is_none() && columns.forces.is_none() && left.len() > 1;
+        let names = || left.iter().map(|&i| format!("{} `{}`", i + 1, self.name(i))).collect::<Vec<_>>().join(", ");
+        none.then(|| {
+            format!("columns {} are forces by their units, and none was taken: name one with --force", names())
+        })
+    }
+
+    /// The column of dates and times where none has a name for it.
+    fn of_times(&self) -> Option<usize> {
+        let all: Vec<usize> = (0..self.layout.columns).filter(|&i| self.layout.kind(i) == Kind::Time).collect();
+        match all[..] {
+            [one] => Some(one),
+            [first, second] if second == first + 1 => Some(first),
+            _ => None,
+        }
+    }
+
     fn place(&self, sought: &Sought, said: Option<&str>, taken: &[usize]) -> Result<Option<usize>, TableError> {
         if let Some(text) = said {
             return self.named(text);
         }
         let found = self.standing_out(sought, taken);
         match found[..] {
-            [] => Ok(None),
+            [] => Ok(match self.of_unit(sought, taken)[..] {
+                [one] => Some(one),
+                _ => None,
+            }),
             [one] => Ok(Some(one)),
             _ => {
                 Err(self
@@ -206,9 +244,18 @@ impl Finder<'_> {
                 [first, second] if self.layout.kind(first) == Kind::Time && self.layout.kind(second) == Kind::Time => {
                     Some(first)
                 }
+                // a channel each with the same times, as LabVIEW writes them
+                [first, ref others @ ..]
+                    if others.iter().all(|&i| self.layout.cells(i).eq(self.layout.cells(first))) =>
+                {
+                    Some(first)
+                }
                 _ => match self.seconds_and_nanoseconds() {
                     Some(seconds) => Some(seconds),
-                    None => self.place(&TIME, None, &[])?,
+                    None => match self.place(&TIME, None, &[])? {
+                        Some(named) => Some(named),
+                        None => self.of_times(),
+                    },
                 },
             },
         };

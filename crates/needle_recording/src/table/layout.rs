@@ -277,6 +277,13 @@ impl Layout {
         }
     }
 
+    /// Takes the headers of the recording before it in the file, if it has none and as many columns.
+    pub(super) fn inherit(&mut self, before: &(Option<Vec<String>>, usize)) {
+        if self.headers.is_none() && before.1 == self.columns {
+            self.headers.clone_from(&before.0);
+        }
+    }
+
     /// Content of a column, from its first rows.
     pub(crate) fn kind(&self, column: usize) -> Kind {
         let kinds = || self.rows.iter().map(|line| line.kind(column));
@@ -311,8 +318,12 @@ impl Above<'_> {
         if self.seen.split.separator == ' ' && cells.len() != self.columns { by_gaps(line) } else { cells }
     }
 
+    /// Whether a line names every column of numbers. One that leaves cells empty must name two quantities: the column of
+    /// numbers that pandas writes in front has no name.
     fn names(&self, cells: &[String]) -> bool {
-        self.seen.numeric.iter().all(|&c| cells.get(c).is_some_and(|cell| !cell.is_empty()))
+        let all = self.seen.numeric.iter().all(|&c| cells.get(c).is_some_and(|cell| !cell.is_empty()));
+        let reach = || self.seen.numeric.iter().all(|&c| c < cells.len());
+        all || (reach() && cells.iter().filter(|cell| names::is_known(cell)).count() >= 2)
     }
 
     /// The nearest line above the data that names every number column, or the line that the user gave. A row of units

@@ -250,11 +250,14 @@ struct Blocks<'a> {
     surveyed: bool,
     /// Line at which the next one begins, from 0.
     line: Option<usize>,
+    /// Headers and number of columns of the last one.
+    before: (Option<Vec<String>>, usize),
 }
 
 impl<'a> Blocks<'a> {
     fn new(path: &'a Path, source: Source, said: &'a Selection, file_number: usize) -> Self {
-        Self { path, file: path.display().to_string(), source, said, file_number, surveyed: false, line: Some(0) }
+        let (file, before) = (path.display().to_string(), (None, 0));
+        Self { path, file, source, said, file_number, surveyed: false, line: Some(0), before }
     }
 
     /// A table of which no row was taken yet.
@@ -267,7 +270,8 @@ impl<'a> Blocks<'a> {
             Err(error) => Some(Err(error)),
         });
         let rate_hz = self.said.rate_hz.or_else(|| layout.step_s.map(|step| step.recip()));
-        let notes = self.source.notes.drain(..).chain(layout.note.clone());
+        let left = finder.forces_left(&columns);
+        let notes = self.source.notes.drain(..).chain(layout.note.clone()).chain(left);
         Ok(Table {
             layout: self.source.what.clone() + &describe(layout, line),
             all_columns: finder.describe(),
@@ -286,10 +290,12 @@ impl<'a> Blocks<'a> {
         // the line of the headers was said of the first
         let header_line = self.source.layout.header_line.filter(|n| line == 0 || *n == 0);
         let said = TableLayout { header_line, ..self.source.layout.clone() };
-        let layout = match self.source.text.head(LOOKED_AT + 1) {
+        let mut layout = match self.source.text.head(LOOKED_AT + 1) {
             Ok(head) => Layout::of(head, &said)?,
             Err(error) => return Some(Err(self.open(error))),
         };
+        layout.inherit(&self.before);
+        self.before = (layout.headers.clone(), layout.columns);
         let begun = self.table(&layout, line).map(|mut table| {
             let taking = Taking::new(&mut table, &mut self.source.text, &layout, line);
             Begun { table, layout, taking }

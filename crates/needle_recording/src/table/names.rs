@@ -19,16 +19,21 @@ pub(super) const TIME: Words = Words {
         "date",
         "datetime",
         "x_value",
+        "seconds",
         "zeit",
+        "zeitstempel",
+        "sekunden",
+        "laufzeit",
         "datum",
         "uhrzeit",
         "temps",
         "durée",
         "tiempo",
         "tempo",
+        "tijd",
     ],
     ends: &["zeit"],
-    parts: &["时间", "時間", "时刻"],
+    parts: &["时间", "時間", "时刻", "時刻", "시간"],
 };
 pub(super) const POSITION: Words = Words {
     words: &[
@@ -44,28 +49,59 @@ pub(super) const POSITION: Words = Words {
         "crosshead",
         "lvdt",
         "deflection",
+        "pos",
+        "disp",
+        "displ",
+        "ext",
         "weg",
         "traverse",
         "tiefe",
         "eindringtiefe",
         "verschiebung",
         "stauchung",
+        "verformung",
+        "dehnung",
+        "eindringung",
         "course",
         "déplacement",
         "deplacement",
         "enfoncement",
         "profondeur",
+        "allongement",
+        "écrasement",
+        "ecrasement",
+        "pénétration",
+        "penetration",
         "desplazamiento",
         "corsa",
         "spostamento",
+        "deslocamento",
+        "verplaatsing",
     ],
     ends: &["weg", "tiefe"],
-    parts: &["位移", "行程", "变形", "压缩量", "位置", "深度", "変位", "ストローク"],
+    parts: &["位移", "行程", "变形", "變形", "压缩量", "伸长", "位置", "深度", "変位", "ストローク", "변위"],
 };
 pub(super) const FORCE: Words = Words {
-    words: &["force", "load", "fz", "f", "kraft", "last", "effort", "charge", "fuerza", "carga", "forza", "carico"],
+    words: &[
+        "force",
+        "load",
+        "loadcell",
+        "fz",
+        "f",
+        "kraft",
+        "last",
+        "belastung",
+        "effort",
+        "charge",
+        "fuerza",
+        "carga",
+        "forza",
+        "carico",
+        "força",
+        "kracht",
+    ],
     ends: &["kraft"],
-    parts: &["力", "载荷", "负荷", "荷重", "负载"],
+    parts: &["力", "载荷", "荷载", "負荷", "负荷", "荷重", "负载", "하중"],
 };
 /// A header with such a word is a rate, a stress or a command.
 const OTHERS: [&str; 14] = [
@@ -85,6 +121,26 @@ const OTHERS: [&str; 14] = [
     "rpm",
 ];
 const OTHER_PARTS: [&str; 4] = ["应力", "应变", "速度", "応力"];
+/// A header with such a word is a size or a bound of the sample or of the test, whatever its unit.
+const SIZES: [&str; 17] = [
+    "diameter",
+    "width",
+    "height",
+    "length",
+    "thickness",
+    "gap",
+    "limit",
+    "preload",
+    "max",
+    "min",
+    "maximum",
+    "minimum",
+    "durchmesser",
+    "breite",
+    "höhe",
+    "dicke",
+    "vorkraft",
+];
 
 impl Words {
     /// How well a header names the quantity: 2 by its first word, 1 by another one, 0 not at all.
@@ -107,6 +163,13 @@ impl Words {
     }
 }
 
+/// Whether a header says by its words that it is of something else than time, position and force, whatever its unit.
+pub(super) fn is_other(header: &str) -> bool {
+    let header = header.to_lowercase();
+    let is = |word: &str| OTHERS.contains(&word) || SIZES.contains(&word);
+    header.split(|c: char| !c.is_alphanumeric()).any(is) || OTHER_PARTS.iter().any(|part| header.contains(part))
+}
+
 /// Whether a cell names one of the quantities.
 pub(super) fn is_known(cell: &str) -> bool {
     [&TIME, &POSITION, &FORCE].iter().any(|words| words.rank(cell) > 0)
@@ -119,10 +182,23 @@ mod tests {
     #[test]
     fn headers_of_many_languages() {
         for (words, headers) in [
-            (&TIME, &["Time (s)", "Test time", "Prüfzeit", "Zeit [s]", "temps (s)", "时间(s)", "X_Value", "t"][..]),
+            (
+                &TIME,
+                &["Time (s)", "Test time", "Prüfzeit", "Zeit [s]", "temps (s)", "时间(s)", "X_Value", "t", "Seconds"][..],
+            ),
             (
                 &POSITION,
-                &["Crosshead travel", "Standardweg", "Déplacement (mm)", "位移/mm", "depth_mm", "Position (z), mm"],
+                &[
+                    "Crosshead travel",
+                    "Standardweg",
+                    "Déplacement (mm)",
+                    "位移/mm",
+                    "横梁位移",
+                    "depth_mm",
+                    "Position (z), mm",
+                    "pos [mm]",
+                    "Verformung",
+                ],
             ),
             (
                 &FORCE,
@@ -133,6 +209,8 @@ mod tests {
                     "Last",
                     "force_n",
                     "试验力(N)",
+                    "荷载",
+                    "F [N]",
                     "Fz, gf",
                     "Load / N",
                 ],

@@ -155,6 +155,9 @@ pub(super) struct Taking {
     /// Whether the line before was blank.
     blank: bool,
     clock: Unrolled,
+    /// First stamp, and whether one jumped ahead since.
+    first: Option<i64>,
+    leapt: bool,
     /// Rows so far.
     passed: u64,
 }
@@ -182,6 +185,8 @@ impl Taking {
             gap: None,
             blank: false,
             clock: Unrolled { of_day, ..Unrolled::default() },
+            first: None,
+            leapt: false,
             passed: 0,
         }
     }
@@ -223,7 +228,19 @@ impl Taking {
                 }
                 if let Some(gap) = self.gap.take() {
                     table.lose(gap);
+                } else if back
+                    && !self.leapt
+                    && row.stamp.zip(self.first).is_some_and(|(now, first)| now - first <= AGAIN_NS)
+                {
+                    // time begins anew: another recording, if the next row goes on from here, or else a stray stamp
+                    self.gap = Some(Gap { line: place[1], text: whole.to_owned(), rows: vec![row], ..Gap::default() });
+                    self.blank = false;
+                    self.passed += 1;
+                    continue;
                 }
+                self.leapt |=
+                    row.stamp.zip(self.clock.last).is_some_and(|(now, last)| now.saturating_sub(last) > AGAIN_NS);
+                self.first = self.first.or(row.stamp);
                 self.clock.last = row.stamp.or(self.clock.last);
                 table.add(row);
             } else if words || self.gap.is_some() {
@@ -252,6 +269,12 @@ impl Taking {
     fn end(&mut self, table: &mut Table, text: &mut Text) -> Option<usize> {
         let gap = self.gap.take()?;
         let another = Layout::of(&gap.text, &super::TableLayout { header_line: None, ..Default::default() });
+        if gap.bad == 0 {
+            // a last row with a stray stamp
+            table.lines[1] = self.number;
+            table.lose(gap);
+            return None;
+        }
         if another.is_some_and(|other| other.has_rows()) {
             text.put_back(gap.text);
             return Some(gap.line);
@@ -267,7 +290,7 @@ impl Taking {
 impl Table {
     fn lose(&mut self, gap: Gap) {
         self.bad += gap.bad;
-        self.rows += gap.bad;
+        self.rows += gap.rows.len() as u64;
         if self.first_bad.is_none() {
             self.first_bad = gap.first_bad;
         }
