@@ -5,7 +5,6 @@ pub mod axisymmetric;
 mod error;
 mod field;
 mod group;
-pub mod hexahedra;
 mod join;
 pub(crate) mod mirrored;
 pub mod mls;

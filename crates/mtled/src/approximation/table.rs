@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use super::error::ApproximationError;
 use super::field::Field;
-use super::hexahedra::HexahedronPoints;
 use super::join::Share;
 use super::mirrored::MirroredSupports;
 use super::mls::{Basis, Fit, Neighbour};
@@ -21,6 +20,7 @@ use super::repair::{self, Supported};
 use super::support::{radii, within_reach};
 use crate::mirror::Mirror;
 use crate::vector::{cross, dot, sub};
+use points::GivenPoints;
 
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,8 +135,8 @@ pub struct Approximation {
     first: Vec<f64>,
     /// What each cell is integrated with.
     share: Vec<Share>,
-    /// Points of hexahedra.
-    hexahedra: HexahedronPoints,
+    /// Points that the caller brings.
+    given: GivenPoints,
     regions: Regions,
     /// Whether the cells of a region have four points each at least; beyond the end: no.
     four: Vec<bool>,
@@ -162,7 +162,7 @@ impl Approximation {
             spacing,
             first,
             share,
-            hexahedra: HexahedronPoints::default(),
+            given: GivenPoints::default(),
             regions: Regions::default(),
             four: Vec::new(),
         }
@@ -325,7 +325,7 @@ impl Supported for Approximation {
         match self.share[cell] {
             Share::Own => self.gauss(c, self.regions.of_cell(cell)),
             Share::With(other) => vec![self.pair([c, &self.cells[other as usize]])],
-            Share::Hexahedron => self.hexahedra.of(cell).to_vec(),
+            Share::Given => self.given.of(cell).to_vec(),
             Share::Left => Vec::new(),
         }
     }

@@ -138,7 +138,7 @@ impl<'a> Domain<'a> {
     }
 
     /// Smallest and largest corner.
-    pub(crate) fn bounds(&self) -> (Point, Point) {
+    pub fn bounds(&self) -> (Point, Point) {
         match *self {
             Domain::Cylinder { radius, height } => ([-radius, -radius, 0.0], [radius, radius, height]),
             Domain::Box { size } => ([-0.5 * size[0], -0.5 * size[1], 0.0], [0.5 * size[0], 0.5 * size[1], size[2]]),
@@ -260,9 +260,11 @@ impl<'a> Domain<'a> {
         }
     }
 
+    /// Checks the lengths.
+    ///
     /// # Errors
     /// A length that is not positive and finite.
-    pub(crate) fn validate(&self) -> Result<(), CloudError> {
+    pub fn validate(&self) -> Result<(), CloudError> {
         let lengths: Vec<(&'static str, f64)> = match *self {
             Domain::Cylinder { radius, height } | Domain::HalfCylinder { radius, height } => {
                 vec![("sample radius", radius), ("sample height", height)]

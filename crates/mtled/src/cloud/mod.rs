@@ -16,7 +16,6 @@
 //! Plain numbers in metres, no scene types. Deterministic: the same input gives the same bits, whatever the number of
 //! threads (there is one) and from run to run.
 
-mod bricks;
 mod carve;
 pub mod check;
 mod conform;
@@ -42,7 +41,6 @@ mod skin;
 mod smooth;
 mod solid;
 mod spacing;
-mod structured;
 mod tree;
 mod triangulate;
 
@@ -52,13 +50,13 @@ pub use hexahedron::Hexahedron;
 pub use meridian::Meridian;
 pub use order::{hilbert_order, sort_cells};
 pub use outline::Outline;
+pub use packing::{OwnNodes, PACKED, Room};
 pub use path::Axis;
 pub use quality::Summary;
 pub use reflect::Reflected;
 pub use revolve::Revolved;
 pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
-pub use structured::structured;
 
 use crate::vector::{self, Point};
 use interfaces::INTERFACE;
@@ -109,23 +107,31 @@ impl Cloud {
 /// A number out of its range, too many nodes ([`CloudError::TooManyNodes`], before anything is allocated), or features
 /// too close to each other for the spacing.
 pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
-    filled(domain, spacing, false)
+    filled(domain, spacing, None)
 }
 
-/// The same with hexahedra inside, on a lattice, where surface, interfaces and features leave room for them, and tetrahedra about them.
+/// The same with nodes of the caller's own inside, which stay where they are: `own` is asked once, when faces and interfaces have theirs.
 ///
 /// # Errors
 /// As [`generate`].
-pub fn with_bricks(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
-    filled(domain, spacing, true)
+pub fn generate_with(
+    domain: &Domain,
+    spacing: &Spacing,
+    own: &mut dyn FnMut(&Room<'_>) -> OwnNodes,
+) -> Result<Cloud, CloudError> {
+    filled(domain, spacing, Some(own))
 }
 
-fn filled(domain: &Domain, spacing: &Spacing, bricks: bool) -> Result<Cloud, CloudError> {
+fn filled(
+    domain: &Domain,
+    spacing: &Spacing,
+    own: Option<&mut dyn FnMut(&Room<'_>) -> OwnNodes>,
+) -> Result<Cloud, CloudError> {
     domain.validate()?;
     let expected = spacing.validate(domain)?;
     let mut nodes = edges::place(domain, spacing)?;
     let mut packing = Packing::new(domain, spacing);
-    packing.fill(&mut nodes, expected, bricks);
+    packing.fill(&mut nodes, expected, own);
     let order = hilbert_order(&nodes.points);
     let mut points: Vec<Point> = order.iter().map(|&i| nodes.points[i as usize]).collect();
     let faces: Vec<u8> = order.iter().map(|&i| nodes.faces[i as usize]).collect();
@@ -196,6 +202,5 @@ fn filled(domain: &Domain, spacing: &Spacing, bricks: bool) -> Result<Cloud, Clo
         let reason = format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {least})", quality.lowest);
         return Err(CloudError::NotMeshable { reason });
     }
-    let hexahedra = packing.bricks.hexahedra(&points, &cells);
-    Ok(Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra })
+    Ok(Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra: Vec::new() })
 }

@@ -315,7 +315,7 @@ impl Spacing {
     ///
     /// # Errors
     /// More than [`MAX_NODES`].
-    pub(super) fn room_for(&self, nodes: f64) -> Result<f64, CloudError> {
+    pub fn room_for(&self, nodes: f64) -> Result<f64, CloudError> {
         if !nodes.is_finite() || nodes > MAX_NODES as f64 {
             return Err(CloudError::TooManyNodes {
                 finest: self.finest(),
@@ -329,9 +329,11 @@ impl Spacing {
         Ok(nodes)
     }
 
+    /// Checks spacing, growth and features.
+    ///
     /// # Errors
     /// A spacing, growth or feature out of its range.
-    pub(crate) fn validate_features(&self, domain: &Domain) -> Result<(), CloudError> {
+    pub fn validate_features(&self, domain: &Domain) -> Result<(), CloudError> {
         let fail = |key, value, rule: String| Err(CloudError::OutOfRange { key, value, rule });
         let thick = domain.half_thickness();
         if !(self.far.is_finite() && self.far > 0.0 && self.far <= thick) {

@@ -55,7 +55,7 @@ pub use edit::{NewValue, Override};
 pub use error::SceneError;
 pub use grading::Grading;
 pub use instrument::{ContactLaw, DeformationRule, IndenterTip, Instrument, InstrumentKind, Interaction, Needle};
-pub use key::{Key, Kind};
+pub use key::{Key, Kind, Research};
 pub use material::Material;
 pub use material::MaterialModel;
 pub use materials::{NamedMaterial, Pierced};

@@ -9,6 +9,7 @@ mod correction;
 mod folds;
 mod happened;
 mod health;
+mod hexahedra;
 mod look_ahead;
 mod mesh;
 mod mesh_frame;

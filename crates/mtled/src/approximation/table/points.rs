@@ -1,9 +1,31 @@
 //! How many points a cell is integrated with, and where they are.
 
 use super::{Approximation, Settings, Share, tetrahedron};
-use crate::approximation::hexahedra::HexahedronPoints;
 use crate::approximation::join;
-use crate::cloud::hexahedron::Hexahedron;
+use crate::vector::Point;
+
+/// Points (m) and volumes (m^3) that the caller brings, by the cell that they belong to.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GivenPoints {
+    /// Offsets, one more than cells.
+    start: Vec<u32>,
+    points: Vec<(Point, f64)>,
+}
+
+impl GivenPoints {
+    fn new(cells: usize, points: &[(u32, Point, f64)]) -> Self {
+        let start = (0..=cells as u32).map(|c| points.partition_point(|(cell, ..)| *cell < c) as u32).collect();
+        Self { start, points: points.iter().map(|&(_, at, volume)| (at, volume)).collect() }
+    }
+
+    /// Those of a cell.
+    pub(super) fn of(&self, cell: usize) -> &[(Point, f64)] {
+        match self.start.get(cell..cell + 2) {
+            Some(&[from, to]) => &self.points[from as usize..to as usize],
+            _ => &[],
+        }
+    }
+}
 
 impl Approximation {
     /// Integrates the cells of some regions with four points each, `four` by region: one point a cell does not see how a soft layer folds
@@ -19,23 +41,21 @@ impl Approximation {
         self
     }
 
-    /// Integrates the hexahedra among the cells with eight points each, or one; one gets eight as well where tetrahedra get four. The
-    /// tetrahedra beside them are joined among themselves. To be called last.
+    /// Integrates `cells` with points that the caller brings and no others: the cell that a point belongs to, its place (m) and its volume
+    /// (m^3), by cell. The cells beside them are joined among themselves. To be called last.
     #[must_use]
-    pub fn with_hexahedra(mut self, hexahedra: &[Hexahedron], points_each: u32) -> Self {
-        if self.settings.basis.is_none() || hexahedra.is_empty() {
+    pub fn with_points(mut self, cells: &[u32], points: &[(u32, Point, f64)]) -> Self {
+        if self.settings.basis.is_none() || cells.is_empty() {
             return self;
         }
-        // no pair reaches from a hexahedron to what lies beside it
+        // no pair reaches from these cells to what lies beside them
         let mut part: Vec<u8> = (0..self.cells.len()).map(|cell| 2 * self.regions.of_cell(cell)).collect();
-        let all = || hexahedra.iter().flat_map(|h| &h.cells).map(|&cell| cell as usize);
-        all().for_each(|cell| part[cell] |= 1);
+        cells.iter().for_each(|&cell| part[cell as usize] |= 1);
         self.share = shares(&self.points, &self.cells, &part, &self.settings);
         let four = std::mem::take(&mut self.four);
         self = self.with_four_points(&four);
-        all().for_each(|cell| self.share[cell] = Share::Hexahedron);
-        let eight = |cell: usize| points_each > 1 || self.has_four(self.regions.of_cell(cell));
-        self.hexahedra = HexahedronPoints::new(&self.points, &self.cells, hexahedra, eight);
+        cells.iter().for_each(|&cell| self.share[cell as usize] = Share::Given);
+        self.given = GivenPoints::new(self.cells.len(), points);
         self
     }
 
