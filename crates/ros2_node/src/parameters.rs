@@ -273,7 +273,7 @@ impl Parameters {
 
     /// The descriptor of a parameter.
     #[must_use]
-    pub fn describe(&self, name: &str) -> Option<ParameterDescriptor> {
+    pub(crate) fn describe(&self, name: &str) -> Option<ParameterDescriptor> {
         self.declared().get(name).map(Declaration::descriptor)
     }
 

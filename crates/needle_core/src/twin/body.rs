@@ -201,12 +201,12 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Spacing in space.
-    pub fn new(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
+    pub(crate) fn new(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         Self::refined(scene, domain, grading, 1.0)
     }
 
     /// Spacing in the half plane, where an edge of contact is a point: twice as fine costs next to nothing there.
-    pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
+    pub(crate) fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         let spacing = Metres(scene.plane_refinement() * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
         if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
@@ -311,18 +311,18 @@ impl Layout {
     }
 
     /// Least vertical distance between the layers of nodes along a needle's path, m; 0 without a needle.
-    pub fn finest_layer(&self) -> f64 {
+    pub(crate) fn finest_layer(&self) -> f64 {
         let fine = self.spacing.features.iter().filter(|f| matches!(f, Feature::FinePath { .. })).map(Feature::spacing);
         fine.fold(self.layer(), f64::min)
     }
 
     /// Whether the layers of a needle's path are closer to each other where it enters.
-    pub fn is_graded(&self) -> bool {
+    pub(crate) fn is_graded(&self) -> bool {
         self.spacing.features.iter().any(|f| matches!(f, Feature::FinePath { .. }))
     }
 
     /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle. The largest, where they are graded.
-    pub fn layer(&self) -> f64 {
+    pub(crate) fn layer(&self) -> f64 {
         self.spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0)
     }
 }
