@@ -3,10 +3,10 @@
 //! short-range forces.
 
 use super::domain::Domain;
-use super::edges::Nodes;
+use super::nodes::Nodes;
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, add, hash01, norm, scale, sub};
 use crate::grid::Grid;
+use crate::vector::{Point, add, hash01, norm, scale, sub};
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing, on faces and inside.

@@ -23,6 +23,7 @@ mod pierce;
 mod recover;
 mod recovered;
 mod regions;
+mod revolve;
 mod sibling;
 mod speed;
 mod step;
