@@ -31,7 +31,7 @@ pub use outlook::{Outlook, Place};
 use needle_rig::{MotionLimits, Trajectory};
 
 /// Share of a limit (of the force, of a probability) from which on the speed falls; it is zero at the limit.
-pub(crate) const SLOWS_AT: f64 = 0.8;
+pub const SLOWS_AT: f64 = 0.8;
 /// Share of a limit at which the guard stops; the rest is reserved for the increase during braking.
 pub(crate) const STOPS_AT: f64 = 0.97;
 
