@@ -251,7 +251,7 @@ impl NeedlePath {
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
     /// sqrt(V / (pi l)). It is under the capture radius by what the cloud doesn't resolve; 0 if it resolves nothing.
     #[must_use]
-    pub(crate) fn effective_radius(&self) -> f64 {
+    pub fn effective_radius(&self) -> f64 {
         self.effective_radius
     }
 

@@ -13,7 +13,7 @@ pub const FORCE_N: Range = Range::closed(-1e7, 1e7);
 pub const TIME_S: Range = Range::closed(-1e10, 1e10);
 /// Fastest motion of an instrument's tip, m/s, where the scene's own motion is not faster: twice the 0.25 m/s that ISO 10218-1
 /// allows a robot beside people.
-pub(crate) const SPEED_M_PER_S: f64 = 0.5;
+pub const SPEED_M_PER_S: f64 = 0.5;
 
 /// Whether a load cell can have measured this force.
 #[must_use]
