@@ -8,7 +8,8 @@ use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
 use super::options::{SetOptions, ThreadOptions};
-use super::summary::{newtons, screen};
+use super::progress::newtons;
+use super::summary::screen;
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_core::scene::Scene;
 use needle_estimate::plan::{Direction, End, Plan, PlanError, Wanted, check, plan};
@@ -141,7 +142,10 @@ fn directions(arguments: &Arguments, scene: &Scene) -> Vec<Direction> {
 fn warn_progress(direction: &Direction, tries: u32, end: &End) {
     let Direction { tilt, azimuth, .. } = direction;
     let [x, y] = end.entry_m.map(|c| 1e3 * c);
-    eprintln!("tilt {tilt:.3}, azimuth {azimuth:.3} rad, run {tries}: entry ({x:.3}, {y:.3}) mm misses by {:.3} mm", 1e3 * end.miss_m);
+    eprintln!(
+        "tilt {tilt:.3}, azimuth {azimuth:.3} rad, run {tries}: entry ({x:.3}, {y:.3}) mm misses by {:.3} mm",
+        1e3 * end.miss_m
+    );
 }
 
 fn summary(plan: &Plan, wanted: &Wanted) -> String {
@@ -153,7 +157,14 @@ fn summary(plan: &Plan, wanted: &Wanted) -> String {
         ("direction", format!("tilt {:.4} rad, azimuth {:.4} rad{roll}", direction.tilt, direction.azimuth)),
         ("depth", format!("{:.3} mm along the path", 1e3 * end.depth_m)),
         ("target", format!("{} moves to ({}) mm", wanted.target, mm(&end.target_m))),
-        ("miss", format!("{:.3} mm after {tries} runs; {:.3} mm with a straight aim at the target at rest", 1e3 * end.miss_m, 1e3 * straight.miss_m)),
+        (
+            "miss",
+            format!(
+                "{:.3} mm after {tries} runs; {:.3} mm with a straight aim at the target at rest",
+                1e3 * end.miss_m,
+                1e3 * straight.miss_m
+            ),
+        ),
         ("force", format!("peak {}", newtons(end.peak_n))),
     ];
     if end.clearance_m.is_finite() {
@@ -161,11 +172,22 @@ fn summary(plan: &Plan, wanted: &Wanted) -> String {
     }
     if let Some(spread) = spread {
         let all = spread.miss_m.len() + spread.lost;
-        let at = |share: f64| spread.miss_m.get(((spread.miss_m.len() as f64 * share) as usize).min(spread.miss_m.len().saturating_sub(1))).map_or(f64::NAN, |m| 1e3 * m);
+        let at = |share: f64| {
+            spread
+                .miss_m
+                .get(((spread.miss_m.len() as f64 * share) as usize).min(spread.miss_m.len().saturating_sub(1)))
+                .map_or(f64::NAN, |m| 1e3 * m)
+        };
         let lost = if spread.lost > 0 { format!(", {} of them without an answer", spread.lost) } else { String::new() };
         lines.push((
             "risk",
-            format!("{:.1} % of {all} members miss by more than {:.3} mm{lost}; median {:.3} mm, 95 % within {:.3} mm", 1e2 * spread.probability, 1e3 * wanted.radius_m, at(0.5), at(0.95)),
+            format!(
+                "{:.1} % of {all} members miss by more than {:.3} mm{lost}; median {:.3} mm, 95 % within {:.3} mm",
+                1e2 * spread.probability,
+                1e3 * wanted.radius_m,
+                at(0.5),
+                at(0.95)
+            ),
         ));
     }
     screen(&lines)

@@ -10,7 +10,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::curves::Curves;
 use super::interrupt::Interrupt;
-use crate::cli::summary::newtons;
 use needle_estimate::compare::{Answer, Cancel, Watch};
 
 /// Answers between two looks at the bar: it must not cost time that the steps could have.
@@ -196,6 +195,11 @@ fn line(answer: &Answer, elapsed: Duration) -> String {
         two_figures(answer.time_s / elapsed.as_secs_f64()),
         answer.steps
     )
+}
+
+/// A force as every line of the terminal shows it; one that rounds to zero has no sign.
+pub(super) fn newtons(n: f64) -> String {
+    format!("{:.4} N", if n.abs() < 5e-5 { 0.0 } else { n })
 }
 
 /// A positive number with two significant figures, never in powers of ten: a run that is slow says how slow.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::progress::hundredths;
+use super::progress::{hundredths, newtons};
 use needle_core::scene::Uncertain;
 use needle_core::twin::Event;
 use needle_estimate::compare::alignment::{Alignment, Found};
@@ -92,11 +92,6 @@ fn force(run: &Run) -> String {
         Some(_) => format!("{predicted}, measured {} ({})", newtons(metrics.peak_measured_n), run.measured_source),
         None => predicted,
     }
-}
-
-/// A force as every line of the terminal shows it; one that rounds to zero has no sign.
-pub(super) fn newtons(n: f64) -> String {
-    format!("{:.4} N", if n.abs() < 5e-5 { 0.0 } else { n })
 }
 
 fn error(run: &Run) -> Option<String> {

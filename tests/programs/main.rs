@@ -2,8 +2,8 @@
 
 mod accuracy_study;
 mod bad_input;
-mod bending;
 mod batch;
+mod bending;
 mod calibrate;
 mod cli;
 mod cluster;

@@ -73,3 +73,13 @@ pub(crate) fn hash01(i: u64, salt: u64) -> f64 {
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
+
+/// Two unit vectors across a unit vector.
+pub(crate) fn tangents(n: Point) -> [Point; 2] {
+    let least = (0..3).fold(0, |best, k| if n[k].abs() < n[best].abs() { k } else { best });
+    let mut axis = [0.0; 3];
+    axis[least] = 1.0;
+    let across = sub(axis, scale(n, n[least]));
+    let first = scale(across, 1.0 / norm(across));
+    [first, cross(n, first)]
+}

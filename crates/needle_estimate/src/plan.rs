@@ -124,7 +124,9 @@ pub enum PlanError {
         known: String,
     },
     /// A sample without a known height.
-    #[error("the sample's height is not known before its mesh is read: a plan needs a cylinder or a box (sample.shape)")]
+    #[error(
+        "the sample's height is not known before its mesh is read: a plan needs a cylinder or a box (sample.shape)"
+    )]
     NoHeight,
     /// A scene of the plan can't be made.
     #[error(transparent)]
@@ -327,9 +329,8 @@ fn clearance(twin: &Twin, wanted: &Wanted, straight: &Pose) -> f64 {
     if needle.is_empty() {
         let depth = twin.depth_of(straight);
         let along = |i: usize| depth * i as f64 / LOOKED_AT as f64;
-        needle = (0..=LOOKED_AT)
-            .map(|i| std::array::from_fn(|k| straight.tip[k] - along(i) * straight.axis[k]))
-            .collect();
+        needle =
+            (0..=LOOKED_AT).map(|i| std::array::from_fn(|k| straight.tip[k] - along(i) * straight.axis[k])).collect();
     }
     let mut moved = Vec::new();
     twin.displacements(&mut moved);
@@ -349,7 +350,9 @@ fn spread(planned: &Scene, wanted: &Wanted, target: usize, cancel: &Cancel) -> R
         // each member has a thread of its own
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let outcome = match pool {
-            Ok(pool) => pool.install(|| Twin::new(scene).map_err(PlanError::from).and_then(|twin| insert(&twin, wanted, target, cancel))),
+            Ok(pool) => pool.install(|| {
+                Twin::new(scene).map_err(PlanError::from).and_then(|twin| insert(&twin, wanted, target, cancel))
+            }),
             Err(_) => Twin::new(scene).map_err(PlanError::from).and_then(|twin| insert(&twin, wanted, target, cancel)),
         };
         match outcome {

@@ -51,7 +51,8 @@ impl Frames {
     pub(crate) fn pose(&self, pose: Pose) -> Pose {
         let Some((origin, orientation)) = &self.sample else { return pose };
         let tip = orientation.inverse_transform_vector(&(Vector3::from(pose.tip) - origin));
-        let [axis, x] = [pose.axis, pose.x_axis()].map(|v| orientation.inverse_transform_vector(&Vector3::from(v)).into());
+        let [axis, x] =
+            [pose.axis, pose.x_axis()].map(|v| orientation.inverse_transform_vector(&Vector3::from(v)).into());
         Pose::with_x_axis(tip.into(), axis, x)
     }
 

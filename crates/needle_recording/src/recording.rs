@@ -441,7 +441,8 @@ impl Recording {
         let whole = markers.into_iter().filter(|m| m.1.len() == count);
         let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
         let depth = |(t, depth_m): (i64, f64)| DepthSample { time_s: seconds(t), depth_m };
-        let pose = |(t, Pose { tip, axis, roll_rad }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis, roll_rad };
+        let pose =
+            |(t, Pose { tip, axis, roll_rad }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis, roll_rad };
         Self {
             source: String::new(),
             scene: None,

@@ -1,15 +1,17 @@
 //! Marks of the plots of error against cost, and their legend.
 
 use super::{
-    cost_plot::AREA,
     fonts::text_width,
     picture::Anchor,
     picture::{Colour, Pen, Picture, Type},
+    place::Box4,
     plot::{BLUE, INK, MUTED, VERMILION, label},
 };
 use needle_studies::accuracy::{Case, Steps};
 
 const GREEN: Colour = Colour(0x1b, 0x8a, 0x5a, 1.0);
+/// Left, top, right, bottom of the marks' area, px.
+pub(super) const AREA: Box4 = [84.0, 190.0, 1136.0, 796.0];
 /// Half of a mark's width, px.
 pub(super) const MARK: f64 = 4.6;
 

@@ -2,7 +2,7 @@
 //! row.
 
 use super::{
-    cost_marks::{MARK, legend, mark},
+    cost_marks::{AREA, MARK, legend, mark},
     fonts::text_width,
     picture::{Anchor, Colour, Pen, Picture, Type},
     place::{Box4, place},
@@ -14,8 +14,6 @@ use needle_studies::reference::{self, ElementStability};
 
 const WIDTH: u32 = 1160;
 const HEIGHT: u32 = 860;
-/// Left, top, right, bottom of the marks' area, px.
-pub(super) const AREA: Box4 = [84.0, 190.0, 1136.0, 796.0];
 /// Rates of poses whose period is drawn as a line, with the name of the rate.
 const RATES: [(f64, &str); 2] = [(100.0, "100 Hz"), (1000.0, "1 kHz")];
 const TYPE: f32 = 12.0;

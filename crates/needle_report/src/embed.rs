@@ -5,7 +5,6 @@
 
 use super::{
     ReportError,
-    page::FILE,
     phases::{self, Stretch},
     regions,
     section::{Plane, Section},
@@ -19,6 +18,8 @@ use needle_core::twin::Event;
 use needle_estimate::compare::{Answer, Pass, Run, Snapshot, TargetRow};
 use serde_json::{Value, json};
 
+/// Name of the page, for errors.
+const FILE: &str = "report.html";
 /// Number of time buckets for which the curves keep the extremes.
 const BUCKETS: usize = 500;
 /// Bytes of the field before base64; the whole page stays under 5 MB with it.

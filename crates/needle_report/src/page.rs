@@ -6,9 +6,6 @@ use super::{ReportError, embed, force_plot::way, line_plot, settings::settings_h
 use needle_estimate::compare::{Pass, Run};
 use std::fmt::Write as _;
 
-/// Name of the page, for errors.
-pub(super) const FILE: &str = "report.html";
-
 pub(super) const PAGE: &str = include_str!("../../../assets/report/page.html");
 const STYLE: &str = include_str!("../../../assets/report/style.css");
 const SCRIPTS: [&str; 5] = [

@@ -10,6 +10,7 @@
 
 pub mod arguments;
 pub mod clock;
+mod declaration;
 mod endpoint;
 pub mod environment;
 pub mod lifecycle;

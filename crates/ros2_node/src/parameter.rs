@@ -3,7 +3,7 @@
 
 use ros2_client::ParameterValue;
 
-use super::parameters::{Check, Declaration, Range};
+use super::declaration::{Check, Declaration, Range};
 
 /// A type that a parameter can have.
 pub trait Typed: Sized {

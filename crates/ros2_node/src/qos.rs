@@ -6,7 +6,7 @@ use std::time::Duration;
 use ros2_client::ParameterValue;
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 
-use super::parameters::{Declaration, Range};
+use super::declaration::{Declaration, Range};
 pub use ros2_guarded::qos::{Side, describe, durability, latched, latest, reliability, reliable, sensor, service};
 
 /// Splits `qos_overrides./topic.publisher.depth` into topic, side and policy.

@@ -65,7 +65,7 @@ impl Mapping {
 
     /// Description for the line that a node prints at its start.
     #[must_use]
-    pub const fn describe(self) -> &'static str {
+    pub(crate) const fn describe(self) -> &'static str {
         match self {
             Self::OfCaller(_) => "rmw_fastrtps_cpp and rmw_cyclonedds_cpp have them",
             Self::Fixed(ServiceMapping::Cyclone) => "rmw_cyclonedds_cpp has them",

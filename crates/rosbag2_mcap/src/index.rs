@@ -6,13 +6,8 @@ use super::record::{
     ChannelRecord, ChunkIndexRecord, ChunkRecord, Fields, Footer, Header, MAGIC, MessageRecord, MetadataRecord, PREFIX,
     Records, SchemaRecord, Statistics, op,
 };
-use super::source::Source;
+use super::source::{Source, unpack_limit};
 use std::collections::BTreeMap;
-
-/// Memory that unpacked chunks of a file may take: this, and [`UNPACK_FACTOR`] times the file's size.
-const UNPACK_BASE: u64 = 16 << 20;
-/// See [`UNPACK_BASE`].
-const UNPACK_FACTOR: u64 = 64;
 
 /// A piece of the file that holds messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,11 +44,6 @@ impl FileIndex {
         let record = self.metadata.iter().rfind(|m| m.name == "rosbag2")?;
         record.entries.get("serialized_metadata").map(String::as_str)
     }
-}
-
-/// Memory that the unpacked chunks of a file of this length may take.
-pub(super) fn unpack_limit(file_length: u64) -> u64 {
-    UNPACK_BASE.saturating_add(file_length.saturating_mul(UNPACK_FACTOR))
 }
 
 /// Reads the index of `file`, which starts with [`MAGIC`].

@@ -1,10 +1,10 @@
 //! The messages of a bag, merged from its files and chunks.
 
 use super::error::Loss;
-use super::index::{Segment, unpack_limit};
-use super::reader::{BagReader, Message};
+use super::index::Segment;
+use super::reader::{BagReader, Message, Topic};
 use super::segment::{Entry, OpenSegment};
-use super::source::{ZSTD, unpacked};
+use super::source::{ZSTD, unpack_limit, unpacked};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
@@ -36,8 +36,22 @@ fn piece(loss: &Loss) -> Option<(String, u64)> {
     }
 }
 
+impl BagReader {
+    /// All messages, in the order of their log times (equal times: in the order of the file).
+    #[must_use]
+    pub fn messages(&self) -> Messages {
+        self.select(|_| true)
+    }
+
+    /// Messages of the topics that `wanted` accepts, in the order of their log times.
+    #[must_use]
+    pub fn select(&self, wanted: impl Fn(&Topic) -> bool) -> Messages {
+        Messages::new(self, self.topics().iter().map(wanted).collect())
+    }
+}
+
 impl Messages {
-    pub(super) fn new(bag: &BagReader, wanted: Vec<bool>) -> Self {
+    fn new(bag: &BagReader, wanted: Vec<bool>) -> Self {
         let files = bag.files().iter().enumerate();
         let mut waiting: Vec<(usize, Segment)> =
             files.flat_map(|(f, file)| file.index.segments.iter().map(move |s| (f, *s))).collect();

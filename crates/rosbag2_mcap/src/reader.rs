@@ -8,7 +8,6 @@ use super::checksum::data_checksum;
 use super::error::{BagError, Loss};
 use super::folder::{self, Located};
 use super::index::{FileIndex, read_index};
-use super::messages::Messages;
 use super::metadata::Metadata;
 use super::qos::Qos;
 use super::record::ChannelRecord;
@@ -174,7 +173,7 @@ impl BagReader {
         self.0.metadata.as_ref()?.custom_data.as_ref()?.get(key).map(String::as_str)
     }
 
-    /// What was found lost when the bag was opened. Reading the messages may find more: [`Messages::losses`].
+    /// What was found lost when the bag was opened. Reading the messages may find more: [`super::Messages::losses`].
     #[must_use]
     pub fn losses(&self) -> &[Loss] {
         &self.0.losses
@@ -184,18 +183,6 @@ impl BagReader {
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.0.warnings
-    }
-
-    /// All messages, in the order of their log times (equal times: in the order of the file).
-    #[must_use]
-    pub fn messages(&self) -> Messages {
-        self.select(|_| true)
-    }
-
-    /// Messages of the topics that `wanted` accepts, in the order of their log times.
-    #[must_use]
-    pub fn select(&self, wanted: impl Fn(&Topic) -> bool) -> Messages {
-        Messages::new(self, self.topics().iter().map(wanted).collect())
     }
 
     /// The message as `T`.

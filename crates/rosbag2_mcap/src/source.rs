@@ -1,12 +1,21 @@
 //! Bytes of a bag file, on disk or compiled in.
 
 use super::chunk::window_log;
-use super::index::unpack_limit;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
+
+/// Memory that unpacked chunks of a file may take: this, and [`UNPACK_FACTOR`] times the file's size.
+const UNPACK_BASE: u64 = 16 << 20;
+/// See [`UNPACK_BASE`].
+const UNPACK_FACTOR: u64 = 64;
+
+/// Memory that the unpacked chunks of a file of this length may take.
+pub(super) fn unpack_limit(file_length: u64) -> u64 {
+    UNPACK_BASE.saturating_add(file_length.saturating_mul(UNPACK_FACTOR))
+}
 
 /// First bytes of what zstd has packed.
 pub(super) const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];

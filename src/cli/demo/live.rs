@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::curves::Curves;
-use crate::cli::progress::two_figures;
-use crate::cli::summary::newtons;
+use crate::cli::progress::{newtons, two_figures};
 use crate::ros::observer::Observations;
 use ros2_messages::needle_twin::TwinStatus;
 

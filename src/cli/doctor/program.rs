@@ -5,13 +5,14 @@ use std::fs;
 use super::row::Row;
 
 /// Features of the build that change what the program can do.
-const FEATURES: [(&str, bool); 6] = [
+const FEATURES: [(&str, bool); 7] = [
     ("ros", cfg!(feature = "ros")),
     ("page", cfg!(feature = "page")),
     ("slicer", cfg!(feature = "slicer")),
     ("plots", cfg!(feature = "plots")),
     ("xlsx", cfg!(feature = "xlsx")),
     ("zenoh", cfg!(feature = "zenoh")),
+    ("research", cfg!(feature = "research")),
 ];
 
 pub(super) fn rows() -> Vec<Row> {

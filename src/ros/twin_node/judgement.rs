@@ -287,7 +287,7 @@ mod tests {
                 prediction,
                 work: Work::default(),
                 boundaries_m: None,
-            bent_tip: None,
+                bent_tip: None,
             });
             let judgement = judge(&shared.lock(), &shared, &shared.settings(), &Around::default());
             judgement.reasons.into_iter().find(|reason| reason.contains("turned over"))

@@ -104,7 +104,7 @@ struct Cli {
 
 /// A port that the node takes where a parameter asks for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Port {
+pub(crate) struct Port {
     /// What is served there.
     pub serves: &'static str,
     /// Parameter that names another one.
@@ -115,7 +115,7 @@ pub struct Port {
 
 /// The ports of the live page and of OpenIGTLink.
 #[must_use]
-pub fn ports() -> [Port; 2] {
+pub(crate) fn ports() -> [Port; 2] {
     [("the live page", declared::PAGE_PORT), ("OpenIGTLink", declared::OPENIGTLINK_PORT)].map(|(serves, parameter)| {
         Port { serves, parameter: parameter.name(), usual: u16::try_from(parameter.default()).unwrap_or(0) }
     })

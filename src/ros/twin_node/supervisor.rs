@@ -126,9 +126,9 @@ impl Supervisor {
 mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
-    use needle_core::scene::Scene;
     use crate::ros::twin_node::declared::{Settings, declarations};
     use crate::ros::twin_node::judgement::{Around, judge};
+    use needle_core::scene::Scene;
     use ros2_messages::needle_twin::TwinStatus;
     use ros2_node::arguments::RosArguments;
     use ros2_node::clock::NodeClock;
@@ -154,7 +154,9 @@ mod tests {
             autostart: true,
             shared: Arc::clone(&shared),
             inbox: Arc::default(),
-            tissue: Arc::new(TissueOutputs::new(&mut participant, &Scene::preset("needle_insertion").unwrap()).unwrap()),
+            tissue: Arc::new(
+                TissueOutputs::new(&mut participant, &Scene::preset("needle_insertion").unwrap()).unwrap(),
+            ),
             built,
             models,
             bell: participant.bell(),

@@ -31,8 +31,9 @@ use super::mls::{Fit, Neighbour};
 use super::pruned;
 use super::regions::{Regions, least_barycentric};
 use super::repair::{self, Supported};
+use super::shape_table::{Form, Row, ShapeTable};
 use super::support::{radii, within_reach};
-use super::table::{Form, Row, Settings, ShapeTable};
+use super::table::Settings;
 use crate::mirror::Mirror;
 
 /// The nodes (r, 0, z) of a half plane with their images at -r.

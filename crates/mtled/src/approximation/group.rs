@@ -1,7 +1,7 @@
 //! Which integration points share a vector: up to eight that lie close together, so that they share most of their support nodes. One visit
 //! to such a node then serves eight points.
 
-use super::table::ShapeTable;
+use super::shape_table::ShapeTable;
 use crate::number::LANES;
 use crate::shares::Shares;
 

@@ -15,8 +15,8 @@ pub(super) enum Share {
     With(u32),
     /// The point of the cell that it is joined to.
     Left,
-    /// The points of its hexahedron that lie in it.
-    Hexahedron,
+    /// The points that the caller brings for it.
+    Given,
 }
 
 /// A pair of cells with a common face that might be joined.

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use super::mls::Neighbour;
 use super::repair::Supported;
-use super::table::{Form, Row, ShapeTable};
+use super::shape_table::{Form, Row, ShapeTable};
 use crate::number::LANES;
 
 /// Squares of a point's gradients, over those with all of its nodes, up to which it is fitted by fewer.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::error::ApproximationError;
 use super::mls::Neighbour;
-use super::table::{Form, Row, ShapeTable};
+use super::shape_table::{Form, Row, ShapeTable};
 use crate::vector::{Point, dot, scale, sub};
 
 /// g beyond which a support is enlarged.

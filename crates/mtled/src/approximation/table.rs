@@ -1,26 +1,23 @@
-//! The shape table: for each integration point its support nodes, the gradients of their shape functions and the
-//! volume that it stands for. Every method ends here; the internal-force kernel knows nothing else.
+//! The approximation of one cloud in space: how many points a cell is integrated with, where they are, and the shape functions there.
 
 mod consistent;
-mod points;
 
 use std::cell::RefCell;
-use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::error::ApproximationError;
 use super::field::Field;
-use super::hexahedra::HexahedronPoints;
-use super::join::Share;
+use super::join::{self, Share};
 use super::mirrored::MirroredSupports;
 use super::mls::{Basis, Fit, Neighbour};
 use super::pruned;
 use super::regions::{Regions, least_barycentric};
 use super::repair::{self, Supported};
+use super::shape_table::{Form, Row, ShapeTable};
 use super::support::{radii, within_reach};
 use crate::mirror::Mirror;
-use crate::vector::{cross, dot, sub};
+use crate::vector::{Point, cross, dot, sub};
 
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,93 +30,6 @@ pub struct Settings {
     pub points_per_cell: u32,
     /// Cells that share a point: 1, or 2 with one point per cell in space.
     pub cells_per_point: u32,
-}
-
-/// What the rows of a table describe.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub enum Form {
-    /// A field in space.
-    #[default]
-    Full,
-    /// A field in space that is symmetric about a plane, by the half on one side of it (see `super::mirrored`): entry `nodes + j` is the
-    /// image of node j.
-    Mirrored(Mirror),
-    /// A field with symmetry of revolution, by its half plane (see [`super::axisymmetric`]): y holds the hoop strain,
-    /// entry `nodes + j` is the image of node j beyond the axis, and a cell is a triangle whose last corner is repeated.
-    Axisymmetric,
-}
-
-impl Form {
-    /// Corners of a cell.
-    #[must_use]
-    pub const fn corners(self) -> usize {
-        match self {
-            Self::Full | Self::Mirrored(_) => 4,
-            Self::Axisymmetric => 3,
-        }
-    }
-
-    /// The plane of symmetry of a field in space.
-    #[must_use]
-    pub const fn mirror(self) -> Option<Mirror> {
-        match self {
-            Self::Mirrored(mirror) => Some(mirror),
-            Self::Full | Self::Axisymmetric => None,
-        }
-    }
-}
-
-/// Per integration point: support nodes, gradients, volume, cell.
-#[derive(Clone, Debug, Default)]
-pub struct ShapeTable {
-    /// Offsets into `nodes` and `gradient`, one more than points.
-    pub start: Vec<u32>,
-    /// Support nodes.
-    pub nodes: Vec<u32>,
-    /// d phi_j / d X_k, 1/m.
-    pub gradient: Vec<[f64; 3]>,
-    /// Reference volume of each point, m^3.
-    pub volume: Vec<f64>,
-    /// The cell that each point lies in.
-    pub cell: Vec<u32>,
-    /// What the rows describe.
-    pub form: Form,
-    /// Region of each cell; empty: one region.
-    pub region: Vec<u8>,
-    /// Whether each cell is one that a needle comes to fill; empty: none is. Such points share vectors with none but their like, and cost
-    /// nothing behind the needle's tip.
-    pub filled: Vec<bool>,
-}
-
-impl ShapeTable {
-    /// Region that an integration point lies in.
-    pub(crate) fn region_of(&self, point: usize) -> u8 {
-        self.region_of_cell(self.cell[point] as usize)
-    }
-
-    /// Region of a cell.
-    pub(crate) fn region_of_cell(&self, cell: usize) -> u8 {
-        self.region.get(cell).copied().unwrap_or(0)
-    }
-
-    /// Whether an integration point lies in a cell that a needle comes to fill.
-    pub(crate) fn is_filled(&self, point: usize) -> bool {
-        self.filled.get(self.cell[point] as usize).copied().unwrap_or(false)
-    }
-
-    /// Where the entries of an integration point stand in `nodes` and `gradient`.
-    pub(crate) fn entries(&self, point: usize) -> Range<usize> {
-        self.start[point] as usize..self.start[point + 1] as usize
-    }
-
-    /// Adds an integration point.
-    pub(super) fn push(&mut self, cell: usize, row: &Row) {
-        self.nodes.extend_from_slice(&row.nodes);
-        self.gradient.extend_from_slice(&row.gradient);
-        self.volume.push(row.volume);
-        self.cell.push(cell as u32);
-        self.start.push(self.nodes.len() as u32);
-    }
 }
 
 /// The approximation of one cloud: makes shape tables and field rows.
@@ -135,8 +45,8 @@ pub struct Approximation {
     first: Vec<f64>,
     /// What each cell is integrated with.
     share: Vec<Share>,
-    /// Points of hexahedra.
-    hexahedra: HexahedronPoints,
+    /// Points that the caller brings.
+    given: GivenPoints,
     regions: Regions,
     /// Whether the cells of a region have four points each at least; beyond the end: no.
     four: Vec<bool>,
@@ -153,7 +63,7 @@ impl Approximation {
         let spacing = radii(points, cells, 1.0);
         let first = radii(points, cells, settings.support_factor);
         let supports = MirroredSupports::whole(points, &first, &interpolating);
-        let share = points::shares(points, cells, &[], &settings);
+        let share = shares(points, cells, &[], &settings);
         Self {
             points: points.to_vec(),
             cells: cells.to_vec(),
@@ -162,7 +72,7 @@ impl Approximation {
             spacing,
             first,
             share,
-            hexahedra: HexahedronPoints::default(),
+            given: GivenPoints::default(),
             regions: Regions::default(),
             four: Vec::new(),
         }
@@ -183,7 +93,7 @@ impl Approximation {
         self.regions = Regions::new(&self.points, &self.cells, region);
         self.regions.scale(&self.cells, &mut self.first);
         self.supports = self.supports.with_radii(&self.first);
-        self.share = points::shares(&self.points, &self.cells, region, &self.settings);
+        self.share = shares(&self.points, &self.cells, region, &self.settings);
         self
     }
 
@@ -325,7 +235,7 @@ impl Supported for Approximation {
         match self.share[cell] {
             Share::Own => self.gauss(c, self.regions.of_cell(cell)),
             Share::With(other) => vec![self.pair([c, &self.cells[other as usize]])],
-            Share::Hexahedron => self.hexahedra.of(cell).to_vec(),
+            Share::Given => self.given.of(cell).to_vec(),
             Share::Left => Vec::new(),
         }
     }
@@ -363,17 +273,6 @@ impl Supported for Approximation {
     }
 }
 
-/// One integration point of a table.
-pub(super) struct Row {
-    /// Where, m.
-    pub at: [f64; 3],
-    pub volume: f64,
-    pub nodes: Vec<u32>,
-    pub gradient: Vec<[f64; 3]>,
-    /// sum_j |grad phi_j|^2, 1/m^2; 0 for a finite element, which has no support.
-    pub squares: f64,
-}
-
 /// Volume and gradients of the four barycentric coordinates of a tetrahedron.
 #[must_use]
 pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
@@ -383,4 +282,108 @@ pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
     let g: [[f64; 3]; 3] = c.map(|c| c.map(|v| v / six_v));
     let g0 = std::array::from_fn(|k| -(g[0][k] + g[1][k] + g[2][k]));
     (six_v / 6.0, [g0, g[0], g[1], g[2]])
+}
+
+/// Points (m) and volumes (m^3) that the caller brings, by the cell that they belong to.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GivenPoints {
+    /// Offsets, one more than cells.
+    start: Vec<u32>,
+    points: Vec<(Point, f64)>,
+}
+
+impl GivenPoints {
+    fn new(cells: usize, points: &[(u32, Point, f64)]) -> Self {
+        let start = (0..=cells as u32).map(|c| points.partition_point(|(cell, ..)| *cell < c) as u32).collect();
+        Self { start, points: points.iter().map(|&(_, at, volume)| (at, volume)).collect() }
+    }
+
+    /// Those of a cell.
+    pub(super) fn of(&self, cell: usize) -> &[(Point, f64)] {
+        match self.start.get(cell..cell + 2) {
+            Some(&[from, to]) => &self.points[from as usize..to as usize],
+            _ => &[],
+        }
+    }
+}
+
+impl Approximation {
+    /// Integrates the cells of some regions with four points each, `four` by region: one point a cell does not see how a soft layer folds
+    /// that is crushed between stiff ones.
+    #[must_use]
+    pub fn with_four_points(mut self, four: &[bool]) -> Self {
+        self.four = four.to_vec();
+        for cell in 0..self.cells.len() {
+            if self.has_four(self.regions.of_cell(cell)) {
+                self.share[cell] = Share::Own;
+            }
+        }
+        self
+    }
+
+    /// Integrates `cells` with points that the caller brings and no others: the cell that a point belongs to, its place (m) and its volume
+    /// (m^3), by cell. The cells beside them are joined among themselves. To be called last.
+    #[must_use]
+    pub fn with_points(mut self, cells: &[u32], points: &[(u32, Point, f64)]) -> Self {
+        if self.settings.basis.is_none() || cells.is_empty() {
+            return self;
+        }
+        // no pair reaches from these cells to what lies beside them
+        let mut part: Vec<u8> = (0..self.cells.len()).map(|cell| 2 * self.regions.of_cell(cell)).collect();
+        cells.iter().for_each(|&cell| part[cell as usize] |= 1);
+        self.share = shares(&self.points, &self.cells, &part, &self.settings);
+        let four = std::mem::take(&mut self.four);
+        self = self.with_four_points(&four);
+        cells.iter().for_each(|&cell| self.share[cell as usize] = Share::Given);
+        self.given = GivenPoints::new(self.cells.len(), points);
+        self
+    }
+
+    fn has_four(&self, region: u8) -> bool {
+        self.four.get(usize::from(region)) == Some(&true)
+    }
+
+    /// Points of a cell of this region, with their weights.
+    pub(super) fn gauss_points(&self, region: u8) -> Vec<([f64; 4], f64)> {
+        let own = self.settings.points_per_cell;
+        gauss_points(if self.has_four(region) { own.max(4) } else { own })
+    }
+
+    /// Places and volumes of the points of a cell of its own.
+    pub(super) fn gauss(&self, c: &[u32; 4], region: u8) -> Vec<([f64; 3], f64)> {
+        let x = self.corners(c);
+        let (volume, _) = tetrahedron(&x);
+        let place = |bary: &[f64; 4]| std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
+        self.gauss_points(region).iter().map(|(bary, weight)| (place(bary), weight * volume)).collect()
+    }
+
+    /// The point at the centroid of two cells.
+    pub(super) fn pair(&self, cells: [&[u32; 4]; 2]) -> ([f64; 3], f64) {
+        let corners = cells.map(|c| self.corners(c));
+        let volumes = [tetrahedron(&corners[0]).0, tetrahedron(&corners[1]).0];
+        let volume = volumes[0] + volumes[1];
+        let share = [0.25 * volumes[0] / volume, 0.25 * volumes[1] / volume];
+        let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
+        (at, volume)
+    }
+}
+
+/// Barycentric points and weights of degree 1, 2 and 3 (the last with one negative weight: Keast).
+fn gauss_points(n: u32) -> Vec<([f64; 4], f64)> {
+    let vertex = |a: f64| (0..4).map(move |i| std::array::from_fn(|k| if k == i { a } else { (1.0 - a) / 3.0 }));
+    match n {
+        4 => vertex(0.585_410_196_624_968_5).map(|p| (p, 0.25)).collect(),
+        5 => std::iter::once(([0.25; 4], -0.8)).chain(vertex(0.5).map(|p| (p, 0.45))).collect(),
+        _ => vec![([0.25; 4], 1.0)],
+    }
+}
+
+/// What each cell is integrated with: pairs lie in one region.
+pub(super) fn shares(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], settings: &Settings) -> Vec<Share> {
+    if settings.cells_per_point == 1 || settings.points_per_cell > 1 || settings.basis.is_none() {
+        return vec![Share::Own; cells.len()];
+    }
+    let corners = |c: &[u32; 4]| c.map(|n| points[n as usize]);
+    let volume: Vec<f64> = cells.iter().map(|c| tetrahedron(&corners(c)).0).collect();
+    join::pairs(points, cells, &volume, region)
 }

@@ -3,11 +3,12 @@
 use super::check;
 use super::domain::Domain;
 use super::error::CloudError;
-use super::outline::{BETWEEN, Outline};
+use super::faces::INTERFACE;
+use super::outline::Outline;
 use super::quality::volume_length;
 use super::spacing::Spacing;
-use super::vector::{Point, add, distance, scale};
 use crate::grid::Grid;
+use crate::vector::{Point, add, distance, scale};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Depth of the middle of a cell of surface nodes over its longest edge, below which it lies between the surface and the triangles under it.
@@ -29,7 +30,7 @@ pub(crate) fn carve(
     faces: &[u8],
     mut cells: Vec<[u32; 4]>,
 ) -> Result<Vec<[u32; 4]>, CloudError> {
-    let outer = |c: &[u32; 4]| c.iter().all(|&n| faces[n as usize] & !BETWEEN != 0);
+    let outer = |c: &[u32; 4]| c.iter().all(|&n| faces[n as usize] & !INTERFACE != 0);
     cells.retain(|c| {
         let p = c.map(|n| points[n as usize]);
         let middle = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
@@ -48,7 +49,7 @@ pub(crate) fn carve(
         let before = cells.len();
         cells.retain(|c| !(at(c) && outer(c)));
         if cells.len() == before {
-            cells.retain(|c| !(at(c) && c.iter().filter(|n| faces[**n as usize] & !BETWEEN != 0).count() == 3));
+            cells.retain(|c| !(at(c) && c.iter().filter(|n| faces[**n as usize] & !INTERFACE != 0).count() == 3));
         }
     }
     Ok(cells)
@@ -92,7 +93,12 @@ pub(crate) fn covers(outline: &Outline, spacing: &Spacing, points: &[Point]) -> 
     let mut grid = Grid::new(low, high, points.len());
     grid.refill(points);
     let lost = |p: &Point| !grid.any(points, *p, REACH * spacing.at(&Domain::Outline(outline), *p), |_, _| true);
-    match outline.faces().into_iter().filter(|face| *face != BETWEEN).flat_map(|face| outline.corners(face)).find(lost)
+    match outline
+        .faces()
+        .into_iter()
+        .filter(|face| *face != INTERFACE)
+        .flat_map(|face| outline.corners(face))
+        .find(lost)
     {
         Some(p) => Err(thin(p)),
         None => Ok(()),

@@ -1,7 +1,7 @@
 //! Is this a usable cloud? For generated and imported ones alike: node and cell by number, with the reason.
 
 use super::quality::six_volumes;
-use super::vector::Point;
+use crate::vector::Point;
 
 /// What is wrong with a cloud, and where. Numbers count from 0.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -250,7 +250,7 @@ fn volumes(points: &[Point], cells: &[[u32; 4]]) -> Result<(), Fault> {
     for (cell, &nodes) in cells.iter().enumerate() {
         let p = nodes.map(|v| points[v as usize]);
         let volume = six_volumes(&p) / 6.0;
-        let size = (1..4).map(|k| super::vector::distance(p[k], p[0])).fold(0.0, f64::max);
+        let size = (1..4).map(|k| crate::vector::distance(p[k], p[0])).fold(0.0, f64::max);
         if volume.abs() <= 1e-12 * size.powi(3) {
             return Err(Fault::Flat { cell, nodes, volume });
         }

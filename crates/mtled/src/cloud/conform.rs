@@ -1,10 +1,11 @@
 //! Does the finished cloud conform to its features? Verified on every cloud, never assumed.
 
-use super::domain::{Domain, TOP};
+use super::domain::Domain;
 use super::error::CloudError;
+use super::faces::TOP;
 use super::path::Axis;
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, length2};
+use crate::vector::{Point, length2};
 
 /// Relative width of "on the circle".
 const ON: f64 = 1e-9;

@@ -5,7 +5,7 @@
 //! the triangle's circumcircle, hence no flat cell is ever made. (Shewchuk's predicates, crate `robust`.)
 
 use super::error::CloudError;
-use super::vector::Point;
+use crate::vector::Point;
 use robust::Coord3D;
 
 /// The vertex at infinity.
@@ -235,7 +235,7 @@ fn first_cell(points: &[Point]) -> Result<[u32; 4], CloudError> {
         }
         best.0
     };
-    use super::vector::{cross, dot, norm, sub};
+    use crate::vector::{cross, dot, norm, sub};
     let a = points[0];
     let b = points[farthest(&|p| norm(sub(p, a)))];
     let c = points[farthest(&|p| norm(cross(sub(p, a), sub(b, a))))];
@@ -306,7 +306,7 @@ pub(crate) fn triangulate(points: &[Point]) -> Result<Vec<[u32; 4]>, CloudError>
 fn rounds(n: usize) -> Vec<u32> {
     let last = (usize::BITS - n.leading_zeros()).saturating_sub(6);
     let round = |v: u32| {
-        let halvings = (-super::vector::hash01(u64::from(v), 8).max(1e-12).log2()) as u32;
+        let halvings = (-crate::vector::hash01(u64::from(v), 8).max(1e-12).log2()) as u32;
         last - halvings.min(last)
     };
     let mut order: Vec<(u32, u32)> = (0..n as u32).map(|v| (round(v), v)).collect();

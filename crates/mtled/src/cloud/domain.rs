@@ -1,18 +1,10 @@
 //! The body: an upright cylinder or box on the plane z = 0, centred on the z axis, or the half of one with y >= 0.
 
 use super::error::CloudError;
+use super::faces::{BASE, MIRROR, SIDE, TOP};
 use super::outline::Outline;
 use super::path::Axis;
-use super::vector::{Point, length2};
-
-/// Node lies on the base, z = 0.
-pub const BASE: u8 = 1;
-/// Node lies on the top face, z = height.
-pub const TOP: u8 = 2;
-/// Node lies on the side (of a cylinder, or any of the four of a box).
-pub const SIDE: u8 = 0b0011_1100;
-/// Node lies on the plane of symmetry of a half body, y = 0.
-pub const MIRROR: u8 = 0b1000_0000;
+use crate::vector::{Point, length2, tangents};
 
 /// Shape of the body, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,7 +130,7 @@ impl<'a> Domain<'a> {
     }
 
     /// Smallest and largest corner.
-    pub(crate) fn bounds(&self) -> (Point, Point) {
+    pub fn bounds(&self) -> (Point, Point) {
         match *self {
             Domain::Cylinder { radius, height } => ([-radius, -radius, 0.0], [radius, radius, height]),
             Domain::Box { size } => ([-0.5 * size[0], -0.5 * size[1], 0.0], [0.5 * size[0], 0.5 * size[1], size[2]]),
@@ -248,7 +240,7 @@ impl<'a> Domain<'a> {
     pub(crate) fn tangents(&self, face: u8, p: Point) -> [Point; 2] {
         match (*self, face) {
             (Domain::Outline(outline), _) => {
-                outline.on(face, p).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |(_, n)| super::interfaces::tangents(n))
+                outline.on(face, p).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |(_, n)| tangents(n))
             }
             (_, BASE | TOP) => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             (_, MIRROR) => [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
@@ -260,9 +252,11 @@ impl<'a> Domain<'a> {
         }
     }
 
+    /// Checks the lengths.
+    ///
     /// # Errors
     /// A length that is not positive and finite.
-    pub(crate) fn validate(&self) -> Result<(), CloudError> {
+    pub fn validate(&self) -> Result<(), CloudError> {
         let lengths: Vec<(&'static str, f64)> = match *self {
             Domain::Cylinder { radius, height } | Domain::HalfCylinder { radius, height } => {
                 vec![("sample radius", radius), ("sample height", height)]

@@ -1,8 +1,10 @@
 //! Hexahedra among the background cells, and how hexahedra, wedges and pyramids are cut into tetrahedra.
 //!
-//! Nodes, supports, surface and projection know tetrahedra alone; a hexahedron is what its tetrahedra are integrated with together (see
-//! [`crate::approximation`]). The cut is the cone of the corner with the lowest number over the faces that it is not on, and each quadrangle
+//! Nodes, supports, surface and projection know tetrahedra alone. The crate `mtled_hexahedra` integrates a hexahedron's tetrahedra together.
+//! The cut is the cone of the corner with the lowest number over the faces that it is not on, and each quadrangle
 //! is cut through its lowest corner, so cells that share a face cut it in the same way (Dompierre, Labbé, Vallet, Camarero 1999).
+
+use crate::vector::{Point, cross, dot};
 
 /// A hexahedron, and the tetrahedra among a cloud's cells that it is cut into.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,4 +46,30 @@ pub fn cut(corners: &[u32]) -> Vec<[u32; 4]> {
         cells.extend(turned[1..].windows(2).map(|edge| [corners[apex], turned[0], edge[0], edge[1]]));
     }
     cells
+}
+
+/// Whether a hexahedron's map has a positive determinant at each of its Gauss points: its corners are in order, and it is not folded.
+#[must_use]
+pub fn is_sound(corners: &[Point; 8]) -> bool {
+    gauss_points().all(|xi| mapped(corners, xi).1 > 0.0)
+}
+
+/// Local coordinates of the eight Gauss points: each is -1/sqrt 3 or 1/sqrt 3.
+pub fn gauss_points() -> impl Iterator<Item = Point> {
+    CORNERS.iter().map(|c| c.map(|s| f64::from(s) / 3.0_f64.sqrt()))
+}
+
+/// Place and determinant of the map at local coordinates.
+#[must_use]
+pub fn mapped(corners: &[Point; 8], xi: Point) -> (Point, f64) {
+    let (mut at, mut slope) = ([0.0; 3], [[0.0; 3]; 3]);
+    for (x, corner) in corners.iter().zip(&CORNERS) {
+        let sign = corner.map(f64::from);
+        let factor: Point = std::array::from_fn(|k| 1.0 + sign[k] * xi[k]);
+        for i in 0..3 {
+            at[i] += 0.125 * factor[0] * factor[1] * factor[2] * x[i];
+            (0..3).for_each(|k| slope[k][i] += 0.125 * sign[k] * factor[(k + 1) % 3] * factor[(k + 2) % 3] * x[i]);
+        }
+    }
+    (at, dot(slope[0], cross(slope[1], slope[2])))
 }

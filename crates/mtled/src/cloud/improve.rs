@@ -3,7 +3,7 @@
 //! Every step raises the lowest quality of the cells that it touches, so no cell is ever inverted.
 
 use super::quality::volume_length;
-use super::vector::Point;
+use crate::vector::Point;
 
 /// Cells below this quality are worked on.
 const WANTED: f64 = 0.45;

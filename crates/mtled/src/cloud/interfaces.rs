@@ -1,20 +1,20 @@
 //! Nodes on the boundaries of regions in space: on their edges and where they meet the body's side first, then over the
 //! surfaces by an advancing front, relaxed within the surface. Those on surfaces may slide there after that, the others are fixed.
 
-use super::domain::{Domain, MIRROR};
-use super::edges::{Nodes, circle, equidistribute};
+use super::domain::Domain;
+use super::faces::INTERFACE;
+use super::faces::MIRROR;
+use super::nodes::{Nodes, circle, equidistribute};
 use super::packing::{Packing, pushed};
 use super::solid::Solid;
 use super::spacing::Spacing;
-use super::vector::{Point, add, between, cross, distance, hash01, norm, scale, sub};
 use crate::grid::Grid;
+use crate::vector::{Point, add, between, distance, hash01, norm, scale, sub, tangents};
 use std::f64::consts::PI;
 
 /// A curve over its parameter from 0 to 1, whether it is closed, and the bits of the faces that it lies on.
 type Edge = (Box<dyn Fn(f64) -> Point>, bool, u8);
 
-/// In the faces of a node under construction: it lies on the boundary of a region.
-pub(crate) const INTERFACE: u8 = 64;
 /// Nearest accepted distance as a fraction of the spacing, and distance kept from faces.
 const GAP: f64 = 0.86;
 const CLEARANCE: f64 = 0.55;
@@ -305,14 +305,4 @@ fn within<'a>(grid: &Grid, points: &'a [Point], p: Point, r: f64) -> impl Iterat
         false
     });
     found.into_iter().map(|j| points[j as usize])
-}
-
-/// Two unit vectors across a unit vector.
-pub(crate) fn tangents(n: Point) -> [Point; 2] {
-    let least = (0..3).fold(0, |best, k| if n[k].abs() < n[best].abs() { k } else { best });
-    let mut axis = [0.0; 3];
-    axis[least] = 1.0;
-    let across = sub(axis, scale(n, n[least]));
-    let first = scale(across, 1.0 / norm(across));
-    [first, cross(n, first)]
 }

@@ -9,16 +9,18 @@
 
 mod relax;
 
-use super::domain::{BASE, Domain, SIDE, TOP};
-use super::edges::{equidistribute, path_shape};
+use super::domain::Domain;
 use super::error::CloudError;
+use super::faces::{BASE, SIDE, TOP};
+use super::nodes::equidistribute;
 use super::order::hilbert_order;
 use super::packing::Packing;
+use super::path::path_shape;
 use super::solid::changes;
 use super::spacing::{Feature, MAX_NODES, Spacing};
 use super::triangulate::{orient, triangulate};
-use super::vector::{Point, add, between, distance, hash01, scale, sub};
 use crate::grid::Grid;
+use crate::vector::{Point, add, between, distance, hash01, scale, sub};
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing.
@@ -216,7 +218,7 @@ impl Plane<'_> {
             let sides = |t: f64| {
                 let (p, q) = (curve.at(t), curve.at(if t < 0.5 { t + 1e-4 } else { t - 1e-4 }));
                 let along = sub(q, p);
-                let normal = scale([along[2], 0.0, -along[0]], off / super::vector::norm(along));
+                let normal = scale([along[2], 0.0, -along[0]], off / crate::vector::norm(along));
                 let within = p[0] <= self.radius && p[2] > off && p[2] < self.height - off;
                 let captured = inner > 0.0 && p[0] < inner * (1.0 + 1e-9) && p[2] > floor - off;
                 let sides = [self.spacing.region(add(p, normal)), self.spacing.region(sub(p, normal))];

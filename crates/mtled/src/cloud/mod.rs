@@ -1,5 +1,5 @@
 //! Where the points are: nodes and background cells of an upright cylinder or box, or of
-//! the half plane of an axisymmetric model ([`meridian`]), which sweeps the body that it shows ([`revolve`]).
+//! the half plane of an axisymmetric model ([`meridian`]).
 //!
 //! ```text
 //! domain, spacing ─► edges ─► packing (faces, interior, relaxation) ─► order ─► delaunay ─► improve ─► check ─► Cloud
@@ -16,7 +16,6 @@
 //! Plain numbers in metres, no scene types. Deterministic: the same input gives the same bits, whatever the number of
 //! threads (there is one) and from run to run.
 
-mod bricks;
 mod carve;
 pub mod check;
 mod conform;
@@ -24,11 +23,13 @@ mod delaunay;
 mod domain;
 mod edges;
 mod error;
-mod fit;
+mod faces;
+mod generate;
 pub mod hexahedron;
 mod improve;
 mod interfaces;
 pub mod meridian;
+mod nodes;
 mod order;
 mod outline;
 mod packing;
@@ -36,45 +37,28 @@ mod path;
 pub mod quality;
 mod reconnect;
 mod reflect;
-pub mod revolve;
 mod shift;
 mod skin;
 mod smooth;
 mod solid;
 mod spacing;
-mod structured;
 mod tree;
 mod triangulate;
 
-pub use domain::{BASE, Domain, MIRROR, SIDE, TOP};
+pub use domain::Domain;
 pub use error::CloudError;
+pub use faces::{BASE, MIRROR, SIDE, TOP};
+pub use generate::{LEAST_QUALITY, generate, generate_with};
 pub use hexahedron::Hexahedron;
 pub use meridian::Meridian;
 pub use order::{hilbert_order, sort_cells};
 pub use outline::Outline;
+pub use packing::{OwnNodes, PACKED, Room};
 pub use path::Axis;
 pub use quality::Summary;
 pub use reflect::Reflected;
-pub use revolve::Revolved;
 pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
-pub use structured::structured;
-
-use crate::vector::{self, Point};
-use interfaces::INTERFACE;
-use packing::Packing;
-
-/// Lowest volume-length ratio of a generated cell (1: regular tetrahedron, 0: flat). The presets reach 0.43.
-pub const LEAST_QUALITY: f64 = 0.25;
-/// The same of a cloud that conforms to regions: a few cells between nodes that can't move, as at the edges of a box, stay flat.
-/// They have next to no volume, and a meshless fit takes no notice of a cell's shape.
-pub(crate) const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
-/// Sweeps of smoothing over the first triangulation.
-const SWEEPS: usize = 2;
-/// Distance that moved nodes keep from interfaces, as a fraction of the spacing.
-const INTERFACE_CLEARANCE: f64 = 0.3;
-/// Passes of the improvement of cells.
-const PASSES: usize = 12;
 
 /// Nodes and background tetrahedra of a body.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,102 +84,4 @@ impl Cloud {
     pub fn volumes(&self) -> Vec<f64> {
         self.cells.iter().map(|c| quality::six_volumes(&c.map(|v| self.points[v as usize])) / 6.0).collect()
     }
-}
-
-/// Generates the cloud of a body, or of the half of one, for a spacing. The features of a half are those of the whole body, symmetric about
-/// y = 0; no box among the regions.
-///
-/// # Errors
-/// A number out of its range, too many nodes ([`CloudError::TooManyNodes`], before anything is allocated), or features
-/// too close to each other for the spacing.
-pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
-    filled(domain, spacing, false)
-}
-
-/// The same with hexahedra inside, on a lattice, where surface, interfaces and features leave room for them, and tetrahedra about them.
-///
-/// # Errors
-/// As [`generate`].
-pub fn with_bricks(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
-    filled(domain, spacing, true)
-}
-
-fn filled(domain: &Domain, spacing: &Spacing, bricks: bool) -> Result<Cloud, CloudError> {
-    domain.validate()?;
-    let expected = spacing.validate(domain)?;
-    let mut nodes = edges::place(domain, spacing)?;
-    let mut packing = Packing::new(domain, spacing);
-    packing.fill(&mut nodes, expected, bricks);
-    let order = hilbert_order(&nodes.points);
-    let mut points: Vec<Point> = order.iter().map(|&i| nodes.points[i as usize]).collect();
-    let faces: Vec<u8> = order.iter().map(|&i| nodes.faces[i as usize]).collect();
-    let fixed: Vec<bool> = order.iter().map(|&i| nodes.fixed[i as usize]).collect();
-    let mut cells = delaunay::triangulate(&points)?;
-    for _ in 0..SWEEPS {
-        smooth::smooth(&packing, &mut points, &faces, &fixed, &cells);
-    }
-    cells = delaunay::triangulate(&points)?;
-    let (mut points, mut faces, mut fixed) = (points, faces, fixed);
-    if let Some(outline) = domain.outline() {
-        cells = carve::carve(outline, &points, &faces, cells)?;
-        let kept = carve::used(points.len(), &mut cells);
-        points = kept.iter().map(|&n| points[n as usize]).collect();
-        faces = kept.iter().map(|&n| faces[n as usize]).collect();
-        fixed = kept.iter().map(|&n| fixed[n as usize]).collect();
-    }
-    let place = |face: u8, p: Point| {
-        if face == INTERFACE {
-            let slid = |q: &Point| domain.depth(*q) > INTERFACE_CLEARANCE * packing.h(*q) && !packing.reserved(*q);
-            return spacing.onto_interface(domain, p).filter(slid);
-        }
-        let q = if face == 0 { p } else { domain.project(face, p) };
-        let gap = spacing.interface_distance(domain.height(), q);
-        let clear = || gap == f64::INFINITY || gap > INTERFACE_CLEARANCE * packing.h(q);
-        (clear() && domain.holds(q) && !packing.reserved(q)).then_some(q)
-    };
-    let regions: Vec<u64> =
-        if spacing.solids().next().is_some() || domain.outline().is_some_and(Outline::has_interfaces) {
-            points.iter().map(|&p| spacing.touching(domain, p)).collect()
-        } else {
-            Vec::new()
-        };
-    let curved = if domain.is_plane(SIDE) { 0 } else { SIDE };
-    let rules = improve::Rules { faces: &faces, fixed: &fixed, curved, regions: &regions, place: &place };
-    let mut mesh = improve::Mesh::new(points, cells, rules);
-    mesh.peel();
-    mesh.improve(PASSES);
-    let (points, mut cells) = mesh.finish();
-    let faces: Vec<u8> = faces.iter().map(|f| f & !INTERFACE).collect();
-    sort_cells(&mut cells);
-    let surface = match (domain.outline(), check::check(&points, &cells)) {
-        (_, Ok(surface)) => surface,
-        (Some(_), Err(fault)) => {
-            return Err(fault.nodes().first().map_or(CloudError::Invalid(fault), |&n| carve::thin(points[n])));
-        }
-        (None, Err(fault)) => return Err(fault.into()),
-    };
-    if let Some(outline) = domain.outline() {
-        carve::covers(outline, spacing, &points)?;
-    }
-    conform::conforms(domain, spacing, &points, &faces, &surface)?;
-    let shared = |t: &[u32; 3]| match domain.outline() {
-        None => t.iter().fold(u8::MAX, |bits, &v| bits & faces[v as usize]),
-        Some(outline) => {
-            outline.face_at([0, 1, 2].map(|k| t.iter().map(|&v| points[v as usize][k]).sum::<f64>() / 3.0))
-        }
-    };
-    let surface_faces = surface.iter().map(shared).collect();
-    let quality = Summary::of(&points, &cells);
-    let least = if regions.is_empty() { LEAST_QUALITY } else { LEAST_QUALITY_OF_REGIONS };
-    if quality.lowest < least {
-        let corners = |c: &[u32; 4]| c.map(|v| points[v as usize]);
-        let worst = cells
-            .iter()
-            .min_by(|a, b| quality::volume_length(&corners(a)).total_cmp(&quality::volume_length(&corners(b))));
-        let at = worst.map_or([0.0; 3], |c| corners(c)[0]);
-        let reason = format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {least})", quality.lowest);
-        return Err(CloudError::NotMeshable { reason });
-    }
-    let hexahedra = packing.bricks.hexahedra(&points, &cells);
-    Ok(Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra })
 }

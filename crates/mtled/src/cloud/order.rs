@@ -1,6 +1,6 @@
 //! Order along a Hilbert curve, so that neighbours in space are neighbours in memory.
 
-use super::vector::{Point, bounds};
+use crate::vector::{Point, bounds};
 
 /// Bits per axis of the curve.
 const BITS: u32 = 20;

@@ -3,10 +3,11 @@
 
 use super::Cloud;
 use super::error::CloudError;
+use super::faces::{INTERFACE, SIDE};
 use super::path::Axis;
 use super::quality::six_volumes;
 use super::tree::Tree;
-use super::vector::{Point, add, bounds, cross, dot, norm, scale, sub};
+use crate::vector::{Point, add, bounds, cross, dot, norm, scale, sub};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 
@@ -14,8 +15,6 @@ use std::collections::BTreeMap;
 const CREASE: f64 = 0.766;
 /// Barycentric coordinates from which a point counts as inside a tetrahedron.
 const INSIDE: f64 = -1e-9;
-/// The bit of walls inside the body, between groups.
-pub(crate) const BETWEEN: u8 = super::interfaces::INTERFACE;
 
 /// A triangle of the surface, or of an interface.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +46,7 @@ pub struct Outline {
     volumes: Tree,
     /// Of a surface alone: its walls by the columns over their shadows on z = 0.
     columns: Tree,
-    /// Walls of each face, [`BETWEEN`] last.
+    /// Walls of each face, [`INTERFACE`] last.
     trees: Vec<(u8, Tree)>,
     /// What each group asks for at its boundary within the body.
     inclusions: Vec<Inclusion>,
@@ -72,7 +71,7 @@ impl Outline {
         let mut walls: Vec<Wall> = surface.map(|(t, &face)| Wall { corners: t.map(at), face }).collect();
         let outer = walls.len();
         let (between, sides) = interfaces(&mesh.cells, &group);
-        walls.extend(between.iter().map(|t| Wall { corners: t.map(at), face: BETWEEN }));
+        walls.extend(between.iter().map(|t| Wall { corners: t.map(at), face: INTERFACE }));
         let of_cells: Vec<[Point; 2]> = mesh.cells.iter().map(|c| bounds(&c.map(at))).collect();
         let [low, high] = bounds(&mesh.points);
         Self {
@@ -158,7 +157,7 @@ impl Outline {
     }
 
     fn to_skin(&self, p: Point) -> f64 {
-        let skin = self.trees.iter().filter(|(face, _)| *face != BETWEEN);
+        let skin = self.trees.iter().filter(|(face, _)| *face != INTERFACE);
         skin.filter_map(|(_, tree)| self.nearest(tree, p)).map(|(_, d)| d).fold(f64::INFINITY, f64::min)
     }
 
@@ -173,12 +172,12 @@ impl Outline {
 
     /// Distance to the nearest interface; infinite without any.
     pub(crate) fn interface_distance(&self, p: Point) -> f64 {
-        self.tree(BETWEEN).and_then(|tree| self.nearest(tree, p)).map_or(f64::INFINITY, |(_, d)| d)
+        self.tree(INTERFACE).and_then(|tree| self.nearest(tree, p)).map_or(f64::INFINITY, |(_, d)| d)
     }
 
     /// Whether groups meet in it.
     pub(crate) fn has_interfaces(&self) -> bool {
-        self.tree(BETWEEN).is_some()
+        self.tree(INTERFACE).is_some()
     }
 
     fn tree(&self, face: u8) -> Option<&Tree> {
@@ -203,9 +202,9 @@ impl Outline {
 
     /// Face of the surface that is nearest to a point.
     pub(crate) fn face_at(&self, p: Point) -> u8 {
-        let skin = self.trees.iter().filter(|(face, _)| *face != BETWEEN);
+        let skin = self.trees.iter().filter(|(face, _)| *face != INTERFACE);
         let near = skin.filter_map(|(face, tree)| self.nearest(tree, p).map(|(_, d)| (*face, d)));
-        near.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(super::SIDE, |(face, _)| face)
+        near.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(SIDE, |(face, _)| face)
     }
 
     /// Faces that there are, interfaces last.
@@ -407,7 +406,7 @@ fn creases(mesh: &Cloud, between: &[[u32; 3]]) -> Vec<Crease> {
             };
             let border = bordering.contains(&edge);
             if dot(normal, other) < CREASE || face != of_other || border {
-                let faces = face | of_other | if border { BETWEEN } else { 0 };
+                let faces = face | of_other | if border { INTERFACE } else { 0 };
                 creases.push(Crease { ends: edge.map(at), faces });
             }
         }

@@ -2,19 +2,18 @@
 //! is already there, each accepted if nothing is nearer than a fraction of the spacing; then a relaxation by
 //! short-range forces.
 
-use super::bricks::Bricks;
 use super::domain::Domain;
-use super::edges::Nodes;
+use super::nodes::Nodes;
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, add, hash01, norm, scale, sub};
 use crate::grid::Grid;
+use crate::vector::{Point, add, hash01, norm, scale, sub};
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing, on faces and inside.
 const FACE_GAP: f64 = 0.86;
 pub(crate) const BODY_GAP: f64 = 0.83;
 /// Distance between nearest neighbours over the spacing.
-pub(crate) const PACKED: f64 = 0.91;
+pub const PACKED: f64 = 0.91;
 /// Candidates round each node.
 const FACE_TRIES: usize = 10;
 /// Distance kept from faces and their edges, as a fraction of the spacing.
@@ -24,17 +23,71 @@ const FACE_RELAXATIONS: usize = 24;
 const BODY_RELAXATIONS: usize = 6;
 const REFRESH: usize = 6;
 
+/// Nodes that a caller of [`super::generate_with`] brings.
+pub struct OwnNodes {
+    /// Places, m, all different.
+    pub nodes: Vec<Point>,
+    /// Whether a place is kept free of all other nodes.
+    pub keeps_free: Box<dyn Fn(Point) -> bool>,
+}
+
+/// Whether a place is kept free; `None`: none is.
+type Kept = Option<Box<dyn Fn(Point) -> bool>>;
+
+/// The room inside a body whose faces and interfaces have their nodes.
+pub struct Room<'a> {
+    packing: &'a Packing<'a>,
+    nodes: &'a Nodes,
+    grid: &'a Grid,
+    spacings: &'a [f64],
+}
+
+impl Room<'_> {
+    /// Lowest and highest coordinates of the body, m.
+    #[must_use]
+    pub fn bounds(&self) -> (Point, Point) {
+        self.packing.domain.bounds()
+    }
+
+    /// Wanted distance between nearest nodes at a place, m.
+    #[must_use]
+    pub fn distance(&self, p: Point) -> f64 {
+        self.packing.h(p)
+    }
+
+    /// Whether surface and interfaces are at least so far from a place, m.
+    #[must_use]
+    pub fn is_clear(&self, p: Point, least: f64) -> bool {
+        let Packing { domain, spacing, .. } = self.packing;
+        domain.depth_to(p, least).min(spacing.interface_distance(domain.height(), p)) >= least
+    }
+
+    /// Whether no node is nearer than this to a place, m.
+    #[must_use]
+    pub fn is_empty(&self, p: Point, radius: f64) -> bool {
+        !self.grid.any(&self.nodes.points, p, radius, |_, _| true)
+    }
+
+    /// Whether a place, off the layers of needle paths, is as far from the nodes that there are as nodes have to be.
+    #[must_use]
+    pub fn takes(&self, p: Point) -> bool {
+        let growth = self.packing.spacing.growth;
+        let crowded = || self.grid.crowded(&self.nodes.points, self.spacings, p, self.distance(p), [BODY_GAP, growth]);
+        !self.packing.reserved(p) && !crowded()
+    }
+}
+
 /// What the fill needs to know.
 pub(crate) struct Packing<'a> {
     pub(crate) domain: &'a Domain<'a>,
     pub(crate) spacing: &'a Spacing,
-    /// Bricks that have been planted.
-    pub(crate) bricks: Bricks,
+    /// What the caller keeps free of other nodes for its own.
+    kept: Kept,
 }
 
 impl<'a> Packing<'a> {
     pub(crate) fn new(domain: &'a Domain<'a>, spacing: &'a Spacing) -> Self {
-        Self { domain, spacing, bricks: Bricks::default() }
+        Self { domain, spacing, kept: None }
     }
 }
 
@@ -50,10 +103,10 @@ impl Packing<'_> {
         0.5 * (h + self.h(add(p, scale(way, once))))
     }
 
-    /// Is the place kept free for the layers of a needle path, or for bricks?
+    /// Is the place kept free for the layers of a needle path, or for the caller's own nodes?
     pub(crate) fn reserved(&self, p: Point) -> bool {
         let height = self.domain.height();
-        self.bricks.hold(p)
+        self.kept.as_ref().is_some_and(|kept| kept(p))
             || self.spacing.features.iter().any(|f| match *f {
                 Feature::Path { axis, capture_radius, length, spacing } => {
                     let spacing = self.spacing.along(self.domain, &axis, spacing, height - p[2]);
@@ -71,8 +124,13 @@ impl Packing<'_> {
         grid
     }
 
-    /// Fills every face, then the interior, with about so many nodes in all; relaxes each. `bricks`: with bricks inside.
-    pub(crate) fn fill(&mut self, nodes: &mut Nodes, expected: f64, bricks: bool) {
+    /// Fills every face, then the interior, with about so many nodes in all; relaxes each. `own`: nodes of the caller's, between the two.
+    pub(crate) fn fill(
+        &mut self,
+        nodes: &mut Nodes,
+        expected: f64,
+        own: Option<&mut dyn FnMut(&Room<'_>) -> OwnNodes>,
+    ) {
         let mut grid = self.grid(nodes, expected);
         let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
         for &face in self.domain.faces() {
@@ -85,8 +143,14 @@ impl Packing<'_> {
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
         self.fill_interfaces(nodes, &mut grid, &mut spacings);
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
-        if bricks {
-            self.plant(nodes, &mut grid, &mut spacings);
+        if let Some(own) = own {
+            let own = own(&Room { packing: self, nodes, grid: &grid, spacings: &spacings });
+            for p in own.nodes {
+                nodes.push(p, 0, true);
+                grid.push(p);
+                spacings.push(self.h(p));
+            }
+            self.kept = Some(own.keeps_free);
         }
         self.fill_body(nodes, &mut grid, &mut spacings);
         self.relax(nodes, &mut grid, BODY_RELAXATIONS, |faces| faces == 0);

@@ -1,6 +1,6 @@
 //! The axis of a needle's path, which may be oblique.
 
-use super::vector::{Point, length2};
+use crate::vector::{Point, length2};
 use std::f64::consts::PI;
 
 /// A straight line from a point of the top face downwards.
@@ -72,4 +72,9 @@ impl Axis {
         let [c, s] = self.direction();
         (c * v[0] + s * v[1], c * v[1] - s * v[0])
     }
+}
+
+/// Number of equal steps down a path, and of rings round its axis.
+pub(crate) fn path_shape(radius: f64, length: f64, spacing: f64) -> (usize, usize) {
+    ((length / spacing).round().max(1.0) as usize, (radius / spacing).round().max(1.0) as usize)
 }

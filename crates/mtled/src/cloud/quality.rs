@@ -1,6 +1,6 @@
 //! Shape of a tetrahedral cell.
 
-use super::vector::{Point, cross, dot, norm, sub};
+use crate::vector::{Point, cross, dot, norm, sub};
 
 /// Six times the volume; positive if d lies on the side of a, b, c from which they run counter-clockwise.
 #[inline]

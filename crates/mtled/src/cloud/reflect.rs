@@ -1,7 +1,7 @@
 //! The whole body of a half: what a model with a plane of symmetry shows of itself.
 
 use super::Cloud;
-use super::domain::MIRROR;
+use super::faces::MIRROR;
 use super::hexahedron::Hexahedron;
 use crate::mirror::Mirror;
 

@@ -1,7 +1,7 @@
 //! Shifts single nodes uphill in the quality of their worst cell.
 
 use super::improve::{GAIN, Mesh};
-use super::vector::{Point, add, hash01, norm, scale, sub};
+use crate::vector::{Point, add, hash01, norm, scale, sub};
 
 impl Mesh<'_> {
     fn star_quality(&self, v: u32, stop: f64) -> f64 {

@@ -2,12 +2,13 @@
 //! advancing front.
 
 use super::domain::Domain;
-use super::edges::{Nodes, equidistribute};
-use super::outline::{BETWEEN, Outline};
+use super::faces::INTERFACE;
+use super::nodes::{Nodes, equidistribute};
+use super::outline::Outline;
 use super::packing::Packing;
 use super::spacing::Spacing;
-use super::vector::{Point, add, distance, dot, hash01, scale, sub};
 use crate::grid::Grid;
+use crate::vector::{Point, add, distance, dot, hash01, scale, sub, tangents};
 use std::f64::consts::PI;
 
 /// Nearest accepted distance over the spacing, between nodes of different creases and on faces.
@@ -114,7 +115,7 @@ impl Packing<'_> {
                     self.advance(outline, face, &mut front, nodes, grid, spacings);
                 }
             }
-            if face == BETWEEN {
+            if face == INTERFACE {
                 self.keep_volume(outline, nodes, first);
                 grid.refill(&nodes.points);
             }
@@ -126,13 +127,13 @@ impl Packing<'_> {
     fn keep_volume(&self, outline: &Outline, nodes: &mut Nodes, first: usize) {
         for i in first..nodes.points.len() {
             let p = nodes.points[i];
-            let Some((_, normal)) = outline.on(BETWEEN, p) else { continue };
+            let Some((_, normal)) = outline.on(INTERFACE, p) else { continue };
             let edge = self.spacing.at(self.domain, p);
-            let [t1, t2] = super::interfaces::tangents(normal);
+            let [t1, t2] = tangents(normal);
             let below = |k: usize| {
                 let (sin, cos) = (2.0 * PI * k as f64 / TRIES as f64).sin_cos();
                 let beside = add(p, scale(add(scale(t1, cos), scale(t2, sin)), edge));
-                outline.on(BETWEEN, beside).map_or(0.0, |(q, _)| dot(sub(p, q), normal))
+                outline.on(INTERFACE, beside).map_or(0.0, |(q, _)| dot(sub(p, q), normal))
             };
             let mean = (0..TRIES).map(below).sum::<f64>() / TRIES as f64;
             let off = (0.25 * mean).clamp(-MOST_OFF * edge, MOST_OFF * edge);
@@ -156,7 +157,7 @@ impl Packing<'_> {
             let p = nodes.points[seed as usize];
             let Some((_, normal)) = outline.on(face, p) else { continue };
             let h = self.h(p);
-            let [t1, t2] = super::interfaces::tangents(normal);
+            let [t1, t2] = tangents(normal);
             let turn = hash01(u64::from(seed), 1);
             for k in 0..TRIES {
                 let (sin, cos) = (2.0 * PI * (k as f64 + turn) / TRIES as f64).sin_cos();
@@ -184,11 +185,11 @@ impl Packing<'_> {
         let h = self.h(p);
         !self.reserved(p)
             && !grid.crowded(&nodes.points, spacings, p, h, [GAP, self.spacing.growth])
-            && (face != BETWEEN || outline.depth(p) > CLEARANCE * h)
+            && (face != INTERFACE || outline.depth(p) > CLEARANCE * h)
     }
 
     fn push_on_skin(&self, face: u8, p: Point, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>) {
-        nodes.push(p, face, face == BETWEEN);
+        nodes.push(p, face, face == INTERFACE);
         grid.push(p);
         spacings.push(self.h(p));
     }

@@ -2,7 +2,7 @@
 
 use super::packing::Packing;
 use super::quality::six_volumes;
-use super::vector::{Point, add, scale};
+use crate::vector::{Point, add, scale};
 
 /// Distance kept from the surface, as a fraction of the spacing.
 const CLEARANCE: f64 = 0.4;

@@ -2,8 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::spacing::{Feature, Spacing};
-use super::vector::{Point, between, distance, length2};
+use crate::vector::{Point, between, distance, length2};
 
 /// How far solids may reach into each other and still do no more than touch, m: rounding.
 const TOUCH: f64 = 1e-12;
@@ -189,32 +188,6 @@ impl Curve {
     }
 }
 
-impl Spacing {
-    /// Region that a point lies in: 0, or one more than the place among the [`Feature::Region`]s of the first that holds it.
-    #[must_use]
-    pub fn region(&self, p: Point) -> u8 {
-        self.solids().position(|solid| solid.signed(p) <= 0.0).map_or(0, |i| i as u8 + 1)
-    }
-
-    /// The regions' solids.
-    pub(crate) fn solids(&self) -> impl Iterator<Item = &Solid> {
-        self.features.iter().filter_map(|f| match f {
-            Feature::Region { solid, .. } => Some(solid),
-            _ => None,
-        })
-    }
-
-    /// Distance to the nearest boundary of a region within a body of this height, m; infinite without one.
-    pub(crate) fn interface_distance(&self, height: f64, p: Point) -> f64 {
-        self.solids().map(|solid| solid.open(height).signed(p).abs()).fold(f64::INFINITY, f64::min)
-    }
-
-    /// Parameters at which a curve passes from one region to another, ascending.
-    pub(crate) fn crossings(&self, curve: &dyn Fn(f64) -> Point) -> Vec<f64> {
-        changes(&|t| self.region(curve(t))).into_iter().map(|[a, b]| 0.5 * (a + b)).collect()
-    }
-}
-
 /// Samples of a curve.
 const SAMPLES: usize = 2000;
 
@@ -235,6 +208,7 @@ pub(crate) fn changes<T: PartialEq>(of: &dyn Fn(f64) -> T) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::{Feature, Spacing};
 
     #[test]
     fn distances_are_those_to_the_boundary() {

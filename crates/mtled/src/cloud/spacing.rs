@@ -2,10 +2,9 @@
 
 use super::domain::Domain;
 use super::error::CloudError;
-use super::fit;
-use super::path::Axis;
-use super::solid::Solid;
-use super::vector::{Point, length2};
+use super::path::{Axis, path_shape};
+use super::solid::{Solid, changes};
+use crate::vector::{Point, length2};
 use std::f64::consts::{PI, SQRT_2};
 
 /// Largest number of nodes that [`super::generate`] takes on.
@@ -124,7 +123,7 @@ impl Feature {
     pub fn path_nodes(&self) -> usize {
         match *self {
             Feature::Path { capture_radius, length, spacing, .. } => {
-                let (layers, rings) = super::edges::path_shape(capture_radius, length, spacing);
+                let (layers, rings) = path_shape(capture_radius, length, spacing);
                 (layers + 1) * (1 + 3 * rings * (rings + 1))
             }
             _ => 0,
@@ -136,7 +135,7 @@ impl Feature {
     pub fn layer(&self) -> Option<f64> {
         match *self {
             Feature::Path { axis, capture_radius, length, spacing } => {
-                let (layers, _) = super::edges::path_shape(capture_radius, length, spacing);
+                let (layers, _) = path_shape(capture_radius, length, spacing);
                 Some(length / axis.secant() / layers as f64)
             }
             _ => None,
@@ -276,7 +275,7 @@ impl Spacing {
         while let Some((a, b, level)) = stack.pop() {
             let mid = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])];
             let size = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-            let diagonal = super::vector::norm(size);
+            let diagonal = crate::vector::norm(size);
             let h = self.at(domain, mid);
             let depth = domain.depth_to(mid, diagonal.max(h));
             if depth < -0.5 * diagonal {
@@ -315,7 +314,7 @@ impl Spacing {
     ///
     /// # Errors
     /// More than [`MAX_NODES`].
-    pub(super) fn room_for(&self, nodes: f64) -> Result<f64, CloudError> {
+    pub fn room_for(&self, nodes: f64) -> Result<f64, CloudError> {
         if !nodes.is_finite() || nodes > MAX_NODES as f64 {
             return Err(CloudError::TooManyNodes {
                 finest: self.finest(),
@@ -329,9 +328,11 @@ impl Spacing {
         Ok(nodes)
     }
 
+    /// Checks spacing, growth and features.
+    ///
     /// # Errors
     /// A spacing, growth or feature out of its range.
-    pub(crate) fn validate_features(&self, domain: &Domain) -> Result<(), CloudError> {
+    pub fn validate_features(&self, domain: &Domain) -> Result<(), CloudError> {
         let fail = |key, value, rule: String| Err(CloudError::OutOfRange { key, value, rule });
         let thick = domain.half_thickness();
         if !(self.far.is_finite() && self.far > 0.0 && self.far <= thick) {
@@ -357,8 +358,120 @@ impl Spacing {
                     format!("give metres in (0, {}], the spacing far from the edges", self.far),
                 );
             }
-            fit::validate_feature(f, domain)?;
+            validate_feature(f, domain)?;
         }
         self.validate_pairs()
+    }
+}
+
+impl Spacing {
+    /// Region that a point lies in: 0, or one more than the place among the [`Feature::Region`]s of the first that holds it.
+    #[must_use]
+    pub fn region(&self, p: Point) -> u8 {
+        self.solids().position(|solid| solid.signed(p) <= 0.0).map_or(0, |i| i as u8 + 1)
+    }
+
+    /// The regions' solids.
+    pub(crate) fn solids(&self) -> impl Iterator<Item = &Solid> {
+        self.features.iter().filter_map(|f| match f {
+            Feature::Region { solid, .. } => Some(solid),
+            _ => None,
+        })
+    }
+
+    /// Distance to the nearest boundary of a region within a body of this height, m; infinite without one.
+    pub(crate) fn interface_distance(&self, height: f64, p: Point) -> f64 {
+        self.solids().map(|solid| solid.open(height).signed(p).abs()).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Parameters at which a curve passes from one region to another, ascending.
+    pub(crate) fn crossings(&self, curve: &dyn Fn(f64) -> Point) -> Vec<f64> {
+        changes(&|t| self.region(curve(t))).into_iter().map(|[a, b]| 0.5 * (a + b)).collect()
+    }
+}
+
+impl Spacing {
+    /// A needle path must keep clear of contact rings and of other paths, at the top face at least.
+    fn validate_pairs(&self) -> Result<(), CloudError> {
+        for (i, f) in self.features.iter().enumerate() {
+            let Feature::Path { axis, capture_radius, spacing, .. } = *f else { continue };
+            let centre = axis.entry;
+            for (j, other) in self.features.iter().enumerate() {
+                let gap = match *other {
+                    Feature::ContactRing { centre: c, radius, .. } => {
+                        (length2(c[0] - centre[0], c[1] - centre[1]) - radius).abs() - capture_radius
+                    }
+                    Feature::Path { axis: Axis { entry: c, .. }, capture_radius: r, .. } if j < i => {
+                        length2(c[0] - centre[0], c[1] - centre[1]) - r - capture_radius
+                    }
+                    _ => continue,
+                };
+                if gap < spacing {
+                    let rule = format!(
+                        "the path at ({}, {}) m is {gap} m from a contact ring or another path; leave at least one spacing, {spacing} m",
+                        centre[0], centre[1]
+                    );
+                    return Err(CloudError::OutOfRange { key: "capture radius", value: capture_radius, rule });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Features must lie inside the top face and the body, with room for one spacing round them.
+fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
+    let positive = |key, value: f64| {
+        if value.is_finite() && value > 0.0 {
+            Ok(())
+        } else {
+            Err(CloudError::OutOfRange { key, value, rule: "give a positive length in metres".into() })
+        }
+    };
+    let fits = |key, centre: [f64; 2], value: f64, spacing: f64| {
+        let room = domain.rim_distance(centre) - spacing;
+        if value <= room {
+            Ok(())
+        } else {
+            let rule = format!(
+                "at ({}, {}) m the sample leaves room for at most {room} m with this spacing",
+                centre[0], centre[1]
+            );
+            Err(CloudError::OutOfRange { key, value, rule })
+        }
+    };
+    match *f {
+        Feature::ContactRing { centre, radius, spacing } => {
+            positive("contact radius", radius)?;
+            if spacing > radius {
+                let rule = format!("a contact ring of radius {radius} m needs a spacing of at most that");
+                return Err(CloudError::OutOfRange { key: "edge spacing", value: spacing, rule });
+            }
+            fits("contact radius", centre, radius, 0.7 * spacing)
+        }
+        Feature::Rim { .. } | Feature::Region { .. } => Ok(()),
+        Feature::Patch { radius, .. } => positive("contact radius", radius),
+        Feature::FinePath { radius, growth, .. } => {
+            positive("entry radius", radius)?;
+            if growth > 0.0 && growth <= MAX_GROWTH {
+                return Ok(());
+            }
+            let rule = format!("give metres per metre in (0, {MAX_GROWTH}]");
+            Err(CloudError::OutOfRange { key: "entry growth", value: growth, rule })
+        }
+        Feature::Path { axis, capture_radius, length, spacing } => {
+            positive("capture radius", capture_radius)?;
+            positive("path length", length)?;
+            let secant = axis.secant();
+            for end in [axis.entry, axis.at(length / secant)] {
+                fits("capture radius", end, capture_radius * secant, 1.5 * spacing)?;
+            }
+            let deepest = domain.length_along(&axis) - spacing;
+            if length > deepest {
+                let rule = format!("the path may reach {deepest} m into this sample");
+                return Err(CloudError::OutOfRange { key: "path length", value: length, rule });
+            }
+            Ok(())
+        }
     }
 }

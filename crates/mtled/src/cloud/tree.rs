@@ -1,6 +1,6 @@
 //! Boxes in a tree: which of many small bodies is nearest to a point, and which may hold it.
 
-use super::vector::Point;
+use crate::vector::Point;
 
 /// Most items of a leaf.
 const LEAF: usize = 4;

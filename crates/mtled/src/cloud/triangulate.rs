@@ -3,7 +3,7 @@
 //! start: a point on its edge splits that edge, and nothing needs to be closed by ghosts.
 
 use super::error::CloudError;
-use super::vector::Point;
+use crate::vector::Point;
 use robust::Coord;
 
 /// No triangle beyond this edge.
@@ -202,7 +202,7 @@ impl Builder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::vector::hash01;
+    use crate::vector::hash01;
 
     #[test]
     fn triangles_fill_the_rectangle_and_are_delaunay() -> Result<(), CloudError> {

@@ -15,8 +15,22 @@
 #[cfg(doc)]
 use super::neo_hookean::MIN_JACOBIAN;
 use super::neo_hookean::{Gradient, clamped, first_invariant_in, is_there};
-use super::shape::Distortion;
 use crate::number::Number;
+
+/// Distortional energy density (J/m^3) and first Piola-Kirchhoff stress `stress + across cof F` (Pa), without pressure.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Distortion<N> {
+    pub energy: N,
+    pub stress: Gradient<N>,
+    pub across: N,
+}
+
+impl Distortion<f64> {
+    /// Both parts of the stress.
+    pub(crate) fn summed(self, cof: &Gradient<f64>) -> (f64, Gradient<f64>) {
+        (self.energy, std::array::from_fn(|n| self.stress[n] + self.across * cof[n]))
+    }
+}
 
 /// Energy density of a law and its derivatives with respect to a and b, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

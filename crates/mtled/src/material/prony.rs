@@ -19,9 +19,9 @@
 //!
 //! and its internal force is conservative for as long as the increment lasts, however many steps find its balance.
 
+use super::invariants::Distortion;
 use super::neo_hookean::{Gradient, clamped, excess, is_there};
 use super::ogden::Symmetric;
-use super::shape::Distortion;
 use crate::number::Number;
 
 /// Most terms of a series.

@@ -1,24 +1,9 @@
 //! The change of shape as a loop over points sees it: one law, in numbers of any kind.
 
-use super::invariants::{self, OfInvariants, Slopes};
+use super::invariants::{self, Distortion, OfInvariants, Slopes};
 use super::neo_hookean::{Gradient, excess};
 use super::{MooneyRivlin, VerondaWestmann, Yeoh};
 use crate::number::Number;
-
-/// Distortional energy density (J/m^3) and first Piola-Kirchhoff stress `stress + across cof F` (Pa), without pressure.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Distortion<N> {
-    pub energy: N,
-    pub stress: Gradient<N>,
-    pub across: N,
-}
-
-impl Distortion<f64> {
-    /// Both parts of the stress.
-    pub(crate) fn summed(self, cof: &Gradient<f64>) -> (f64, Gradient<f64>) {
-        (self.energy, std::array::from_fn(|n| self.stress[n] + self.across * cof[n]))
-    }
-}
 
 /// What the bound of a law takes of a deformation gradient.
 #[derive(Clone, Copy, Debug)]

@@ -18,10 +18,11 @@
 //! In a half plane b is a block of two and the hoop, whose stretches are those of F in closed form: s_0 +- s_1 are the lengths of
 //! (F_xx +- F_zz, F_xz -+ F_zx).
 
+use super::invariants::Distortion;
 use super::invariants::full_dot;
 use super::neo_hookean::{Gradient, clamped};
 use super::ogden::{LEAST, MOST_TERMS, Ogden};
-use super::shape::{Distortion, Shape, Wave};
+use super::shape::{Shape, Wave};
 use crate::number::Number;
 
 /// Differences of eigenvalues over the larger, in units of round-off, below which they count as this.

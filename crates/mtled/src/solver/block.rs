@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::Gradient;
 
-use super::strip::FIELDS;
+use super::strip::{FIELDS, ascending};
 use super::vertices::Vertices;
 use crate::number::Real;
 use crate::number::{LANES, Lanes};
@@ -219,14 +219,6 @@ fn packed<T: Real>(gradient: &[[f64; 3]]) -> (f64, Vec<[T::Stored; 3]>) {
 fn visited(table: &ShapeTable, group: &[u32]) -> Vec<u32> {
     let support = |&p: &u32| &table.nodes[table.entries(p as usize)];
     ascending(group.iter().flat_map(support).copied())
-}
-
-/// Each index once, in ascending order.
-pub(super) fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut v: Vec<u32> = indices.collect();
-    v.sort_unstable();
-    v.dedup();
-    v
 }
 
 fn position(sorted: &[u32], n: u32) -> u16 {

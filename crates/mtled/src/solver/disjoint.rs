@@ -5,6 +5,9 @@
 
 use std::marker::PhantomData;
 
+/// Nodes per part of a phase over nodes. Under Miri so few that a tiny model has several parts.
+pub(super) const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
+
 /// Work that falls into parts that different threads may hold at the same time.
 ///
 /// # Safety

@@ -17,7 +17,7 @@ use crate::material::neo_hookean::Gradient;
 
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::dilatation::Dilatation;
-use super::disjoint::{Chunks, Each, Offsets, Runs};
+use super::disjoint::{Chunks, Each, NODES_PER_CHUNK, Offsets, Runs};
 use super::memory::Memory;
 use super::points::{Constants, Projected, Relaxing};
 use super::pool::Pool;
@@ -27,9 +27,6 @@ use super::vertices::Vertices;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::{Number, Real};
 use crate::shares::Shares;
-
-/// Nodes per part of a phase over nodes. Under Miri so few that a tiny model has several parts.
-pub(super) const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 
 /// Internal-force kernel of one model: what never changes.
 #[derive(Debug)]

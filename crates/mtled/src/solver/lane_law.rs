@@ -1,11 +1,12 @@
 //! Laws of single points in the kernel's own precision.
 
+use crate::material::invariants::Distortion;
 use crate::material::neo_hookean::{
     Gradient, clamped, cofactor, cofactor_in, determinant, determinant_in, distortional_energy_in, excess,
     first_piola_in, is_there,
 };
 use crate::material::ogden::MOST_TERMS;
-use crate::material::shape::{self, Distortion, NeoHookean as NeoHookeanShape, Shape, Wave, plane_wave};
+use crate::material::shape::{self, NeoHookean as NeoHookeanShape, Shape, Wave, plane_wave};
 use crate::material::stretches::{Stretches, Term};
 use crate::material::{MooneyRivlin, VerondaWestmann, Volumetric, Yeoh, prony};
 use crate::number::{LANES, Lanes, Number, Real, Vector};

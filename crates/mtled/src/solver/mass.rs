@@ -14,8 +14,7 @@
 use std::sync::Arc;
 
 use super::block::{Block, BlockScratch, ForceOfLane};
-use super::disjoint::Chunks;
-use super::kernel::NODES_PER_CHUNK;
+use super::disjoint::{Chunks, NODES_PER_CHUNK};
 use super::memory::Memory;
 use super::model::{Model, Workspace, with_kernel};
 use super::points::{Constants, InLanes, PointLaw, Relaxing};

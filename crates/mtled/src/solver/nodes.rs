@@ -2,9 +2,8 @@
 
 use super::aside;
 use super::contact::{By, Moved, Touch};
-use super::disjoint::Chunks;
+use super::disjoint::{Chunks, NODES_PER_CHUNK};
 use super::inertia::Sums;
-use super::kernel::NODES_PER_CHUNK;
 use super::state::{Moving, Path, Role};
 
 /// What a run of steps has in common.

@@ -1,7 +1,8 @@
 //! The law at one integration point, as the loop of pass 2 sees it.
 
+use crate::material::invariants::Distortion;
 use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant};
-use crate::material::shape::{self, Distortion, NeoHookean as NeoHookeanShape, Shape, Wave};
+use crate::material::shape::{self, NeoHookean as NeoHookeanShape, Shape, Wave};
 use crate::material::stretches::{OfTerms, Stretches, Term, Terms};
 use crate::material::{Distortional, Law, MooneyRivlin, VerondaWestmann, Volumetric, Yeoh};
 

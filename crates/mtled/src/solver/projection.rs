@@ -8,8 +8,7 @@ use crate::number::lanes::{Loop, run};
 use crate::shares::Shares;
 
 use super::dilatation::Dilatation;
-use super::disjoint::{Chunks, Each, Offsets, Runs};
-use super::kernel::NODES_PER_CHUNK;
+use super::disjoint::{Chunks, Each, NODES_PER_CHUNK, Offsets, Runs};
 use super::mixed::{self, Coarse};
 use super::points::Constants;
 use super::pool::Pool;

@@ -2,10 +2,11 @@
 
 use super::adaptive_damping::AdaptiveDamping;
 use super::contact::{Surface, Touch};
+use super::disjoint::NODES_PER_CHUNK;
 use super::drag::Drag;
 use super::half::Half;
 use super::inertia::{Motion, Sums};
-use super::kernel::{Kernel, NODES_PER_CHUNK, Points};
+use super::kernel::{Kernel, Points};
 use super::memory::Memory;
 use super::model::{Model, Precise, with_kernel};
 use super::state::{Constraints, Control, Moving, Path, Role, State, Tangent};

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use super::block::ascending;
 use crate::number::{LANES, Lanes};
 use crate::number::{Number, Real};
 
@@ -167,6 +166,14 @@ impl<T: Real> Strip<T> {
             of_nodes.for_each(|(x, (even, odd))| *x = *even + *odd);
         }
     }
+}
+
+/// Each index once, in ascending order.
+pub(super) fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut v: Vec<u32> = indices.collect();
+    v.sort_unstable();
+    v.dedup();
+    v
 }
 
 #[cfg(test)]

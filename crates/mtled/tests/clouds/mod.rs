@@ -1,6 +1,8 @@
 //! Small clouds, and the internal force on them, for tests of the numerical method itself.
 #![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
 
+pub mod patch;
+
 use mtled::approximation::table::tetrahedron;
 use mtled::approximation::{Basis, Settings, ShapeTable};
 use mtled::cloud::{self, Axis, BASE, Cloud, Domain, Feature, Spacing};

@@ -12,6 +12,7 @@ mod puncture;
 pub mod reading;
 pub mod surface;
 
+pub(crate) use flexible::Bending;
 pub use frictional::Resistance;
 pub use frictional::Shaft;
 pub(crate) use frictional::{Frictional, start_and_slow};
@@ -19,7 +20,6 @@ pub use needle::Insertion;
 pub use needle::NeedlePath;
 pub use own::{Instrument, Own};
 pub use phase::{Event, Phase};
-pub(crate) use flexible::Bending;
 pub(crate) use press::Press;
 
 use crate::scene::{self, InstrumentKind};

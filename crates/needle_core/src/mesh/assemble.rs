@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use mtled::approximation::hexahedra::is_sound;
 use mtled::cloud::check::{self, Fault};
+use mtled::cloud::hexahedron::is_sound;
 use mtled::cloud::quality::{Summary, six_volumes, volume_length};
 
 use super::{Imported, Volumes, Wanted};

@@ -137,7 +137,8 @@ impl Check<'_> {
     /// A bevel's push is known.
     fn tip(&self, instrument: &Instrument, needle: &Needle) -> Result<(), SceneError> {
         let Some(bevel) = needle.bevel else { return Ok(()) };
-        let cut = self.scene.materials.iter().any(|m| m.pierced.cutting_force > 0.0 || m.pierced.fracture_toughness > 0.0);
+        let cut =
+            self.scene.materials.iter().any(|m| m.pierced.cutting_force > 0.0 || m.pierced.fracture_toughness > 0.0);
         if bevel.force.is_none() && !instrument.is_frictional() && !cut {
             let reason = "a kinematic needle has no cutting force of which that could be a part: give the force in N with which the \
                           bevel pushes the tip aside, or set instrument.interaction = \"frictional\" with instrument.cutting_force_n";

@@ -23,7 +23,7 @@ section! {
         /// gradients in three dimensions in a sample of one material.
         support_factor: f64 = Key::real("discretisation.support_factor", Range::closed(0.0, 4.0), "").or("0.0"),
         /// eta: MMLS penalty on the quadratic coefficients, dimensionless (local scaled coordinates).
-        penalty: f64 = Key::real("discretisation.penalty", Range::closed(0.0, 1e6), "").or("1e-2"),
+        penalty: f64 = Key::real("discretisation.penalty", Range::closed(0.0, 1e6), "").or("1e-2").for_research(),
         /// Integration points per tetrahedral cell; a triangle of the half plane then has 3, 6 or 7.
         points_per_cell: u32 = Key::one_of("discretisation.points_per_cell", &[1, 4, 5]).or("1"),
         /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
@@ -40,7 +40,9 @@ section! {
         integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("auto"),
         /// Volume ratio that the law sees: projected (onto a coarser cloud) cures volumetric locking, mixed cures that of sheared tissue
         /// as well, averaged (over each node) half-way; `auto`: mixed round a needle in space, else projected.
-        volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("auto"),
+        volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS)
+            .for_research_after(4)
+            .or("auto"),
         /// Precision of the internal-force kernel.
         precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
     }
@@ -52,6 +54,7 @@ choice! {
     pub enum Cells = Key::word("discretisation.cells", Cells::WORDS)
         .described("Background cells of a meshless method: tetrahedra, which hexahedra in a mesh are cut into, or hexahedra in three \
                     dimensions: those of a mesh, a cylinder or box of them, or in other bodies those inside, with tetrahedra about them.")
+        .for_research_after(1)
         .or("tetrahedra")
     => {
         /// Tetrahedra.
@@ -59,7 +62,7 @@ choice! {
         /// Hexahedra, with the tetrahedra beside them.
         "hexahedra" => Hexahedra {
             /// Integration points per hexahedron; 1 does not converge, and is for comparison.
-            points_per_hexahedron: u32 = Key::one_of("discretisation.points_per_hexahedron", &[1, 8]).or("8"),
+            points_per_hexahedron: u32 = Key::one_of("discretisation.points_per_hexahedron", &[1, 8]).or("8").for_research(),
         },
     }
 }
@@ -120,10 +123,10 @@ pub enum VolumeRatio {
     Mixed,
     /// [`mtled::solver::VolumeRatio::Projected`].
     Projected,
-    /// [`mtled::solver::VolumeRatio::Averaged`].
-    Averaged,
     /// [`mtled::solver::VolumeRatio::Pointwise`].
     Pointwise,
+    /// [`mtled::solver::VolumeRatio::Averaged`].
+    Averaged,
 }
 
 impl From<VolumeRatio> for solver::VolumeRatio {

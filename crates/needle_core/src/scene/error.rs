@@ -108,6 +108,20 @@ pub enum SceneError {
         /// What it contradicts, and what is allowed.
         reason: String,
     },
+    /// A key or word of a build with the feature `research`, which this one is not.
+    #[error(
+        "{place}: {key} = {value} is for research and not part of this build: build with `--features research`, or leave it out ({description})"
+    )]
+    Research {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// What the key means.
+        description: String,
+    },
     /// `--set` without `=`.
     #[error("{place}: \"{text}\" is not of the form key=value (as in --set material.poisson_ratio=0.49)")]
     NotAnAssignment {

@@ -73,7 +73,9 @@ section! {
         retraction_coefficient: f64 = Key::real("instrument.retraction_coefficient", SHARE, "").or("0.4").live(),
         /// Whether captured material follows the displacement since its capture or since first contact.
         deformation_rule: DeformationRule =
-            Key::word("instrument.deformation_rule", <DeformationRule as super::Word>::WORDS).or("incremental"),
+            Key::word("instrument.deformation_rule", <DeformationRule as super::Word>::WORDS)
+                .for_research_after(1)
+                .or("incremental"),
         /// Largest principal Green-Lagrange strain under the tip at which the surface is punctured.
         puncture_strain: f64 = Key::real("instrument.puncture_strain", Range::closed(0.0, 10.0), "").or("1e-6").live(),
         /// Whether free tissue is kept outside the side wall of a bonded indenter, or of a kinematic needle before the puncture; in

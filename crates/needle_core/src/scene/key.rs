@@ -44,14 +44,41 @@ pub struct Key {
     pub live: bool,
     /// Whether `AUTO` is taken as well: the program chooses.
     pub auto: bool,
+    /// What of it only a build with the feature `research` has.
+    pub research: Research,
 }
+
+/// What of a key is for comparisons alone, and needs a build with the feature `research`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Research {
+    /// Nothing.
+    Nothing,
+    /// The key; other builds know its default alone.
+    Key,
+    /// These of its words.
+    Words(&'static [&'static str]),
+}
+
+/// Whether this build has the feature `research`.
+const RESEARCH: bool = cfg!(feature = "research");
 
 /// What a file says to leave a number to the program.
 pub(crate) const AUTO: &str = "auto";
 
 impl Key {
     const fn new(path: &'static str, kind: Kind, unit: &'static str) -> Self {
-        Self { path, kind, default: None, unit, description: "", only_with: None, reason: "", live: false, auto: false }
+        Self {
+            path,
+            kind,
+            default: None,
+            unit,
+            description: "",
+            only_with: None,
+            reason: "",
+            live: false,
+            auto: false,
+            research: Research::Nothing,
+        }
     }
 
     pub(super) const fn text(path: &'static str) -> Self {
@@ -117,6 +144,24 @@ impl Key {
         Self { default: Some(AUTO), auto: true, ..self }
     }
 
+    /// Leaves the key to builds for research.
+    pub(super) const fn for_research(self) -> Self {
+        Self { research: Research::Key, ..self }
+    }
+
+    /// Leaves all words after the first so many to builds for research.
+    pub(super) const fn for_research_after(self, shipped: usize) -> Self {
+        let Kind::Word(words) = self.kind else { return self };
+        let (shipped, research) = words.split_at(shipped);
+        let kind = if RESEARCH { self.kind } else { Kind::Word(shipped) };
+        Self { kind, research: Research::Words(research), ..self }
+    }
+
+    /// Whether this build has the key.
+    pub(super) fn is_built(&self) -> bool {
+        RESEARCH || self.research != Research::Key
+    }
+
     /// Section of the path; empty for the keys at the top of a file.
     #[must_use]
     pub fn section(&self) -> &'static str {
@@ -162,7 +207,7 @@ impl Key {
     /// key is one). `path` is the full path, with a target's index; `place` says where it was written.
     ///
     /// # Errors
-    /// [`SceneError::WrongType`], [`SceneError::OutOfRange`] or [`SceneError::UnknownWord`].
+    /// [`SceneError::WrongType`], [`SceneError::OutOfRange`], [`SceneError::UnknownWord`] or [`SceneError::Research`].
     pub(crate) fn check(&self, value: &Value, path: &str, place: &str) -> Result<Value, SceneError> {
         let (fits, value) = match (self.kind, value) {
             (Kind::Text, Value::Text(_)) | (Kind::Boolean, Value::Boolean(_)) => (true, value.clone()),
@@ -192,7 +237,7 @@ impl Key {
             }
         };
         if fits {
-            return Ok(value);
+            return self.built(value, path, place);
         }
         Err(SceneError::OutOfRange {
             place: place.to_owned(),
@@ -205,9 +250,28 @@ impl Key {
         })
     }
 
+    /// The value, if this build has the key; a default is what a build without it has anyway.
+    fn built(&self, value: Value, path: &str, place: &str) -> Result<Value, SceneError> {
+        let is_default =
+            || self.default.is_some_and(|text| number(text) == value || number(text).as_real() == value.as_real());
+        if self.is_built() || is_default() { Ok(value) } else { Err(self.left_out(&value.to_string(), path, place)) }
+    }
+
+    fn left_out(&self, value: &str, path: &str, place: &str) -> SceneError {
+        SceneError::Research {
+            place: place.to_owned(),
+            key: path.to_owned(),
+            value: value.to_owned(),
+            description: self.description.trim_end_matches('.').to_owned(),
+        }
+    }
+
     fn check_word(&self, words: &[&str], word: &str, path: &str, place: &str) -> Result<Value, SceneError> {
         if words.contains(&word) {
             return Ok(Value::Text(word.to_owned()));
+        }
+        if matches!(self.research, Research::Words(research) if research.contains(&word)) {
+            return Err(self.left_out(&format!("\"{word}\""), path, place));
         }
         Err(SceneError::UnknownWord {
             place: place.to_owned(),

@@ -9,10 +9,14 @@ use super::key::{Key, Kind};
 use super::section::Section as _;
 use super::{Scene, SceneError};
 
-/// Every key of a scene, in the order in which a scene file is written. Paths of the sections in `LISTS` belong to each
+/// Every key that a scene of this build can have, in the order in which a scene file is written. Paths of the sections in `LISTS` belong to each
 /// of their elements: `targets.name` takes an index, `targets.0.name`, `materials.model` and `regions.shape` a name,
 /// `materials.skin.model`.
-pub static KEYS: LazyLock<Vec<Key>> = LazyLock::new(Scene::keys);
+pub static KEYS: LazyLock<Vec<Key>> = LazyLock::new(|| Scene::keys().into_iter().filter(Key::is_built).collect());
+
+/// Keys that only a build with the feature `research` has. Their names are known, so that a scene with one is refused with the reason.
+static NOT_BUILT: LazyLock<Vec<Key>> =
+    LazyLock::new(|| Scene::keys().into_iter().filter(|key| !key.is_built()).collect());
 
 /// Sections in the order in which a scene file is written.
 pub static SECTIONS: LazyLock<Vec<&str>> = LazyLock::new(|| {
@@ -55,7 +59,7 @@ pub fn find(path: &str) -> Option<&'static Key> {
     }
     match split(path) {
         Some((section, _, field)) => KEYS.iter().find(|key| key.section() == section && key.field() == field),
-        None => KEYS.iter().find(|key| !LISTS.contains(&key.section()) && key.path == path),
+        None => KEYS.iter().chain(NOT_BUILT.iter()).find(|key| !LISTS.contains(&key.section()) && key.path == path),
     }
 }
 

@@ -54,8 +54,11 @@ pub use discretisation::{Cells, Dimension, Discretisation, Integration, Method, 
 pub use edit::{NewValue, Override};
 pub use error::SceneError;
 pub use grading::Grading;
-pub use instrument::{Bevel, ContactLaw, DeformationRule, Flexible, IndenterTip, Instrument, InstrumentKind, Interaction, Needle, NeedleTip};
-pub use key::{Key, Kind};
+pub use instrument::{
+    Bevel, ContactLaw, DeformationRule, Flexible, IndenterTip, Instrument, InstrumentKind, Interaction, Needle,
+    NeedleTip,
+};
+pub use key::{Key, Kind, Research};
 pub use material::Material;
 pub use material::MaterialModel;
 pub use materials::{NamedMaterial, Pierced};

@@ -48,5 +48,5 @@ words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Integration: Plain = "plain", Consistent = "consistent", Auto = "auto");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Mirrored = "mirrored", Full = "full");
-words!(VolumeRatio: Auto = "auto", Mixed = "mixed", Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
+words!(VolumeRatio: Auto = "auto", Mixed = "mixed", Projected = "projected", Pointwise = "pointwise", Averaged = "averaged");
 words!(Precision: F32 = "f32", F64 = "f64");

@@ -40,7 +40,7 @@ impl Along {
 
     /// Depth at which the tip would come to a rigid region, m, and its name: no instrument goes further.
     #[must_use]
-    pub fn rigid(&self) -> Option<(f64, &str)> {
+    pub(crate) fn rigid(&self) -> Option<(f64, &str)> {
         self.rigid.map(|(depth, region)| (depth, self.names[usize::from(region)].as_str()))
     }
 
@@ -81,7 +81,7 @@ impl Along {
     }
 
     /// Boundaries below one depth down to another, m, each with the region that begins there.
-    pub fn boundaries(&self, above_m: f64, to_m: f64) -> impl Iterator<Item = (f64, u8)> + '_ {
+    pub(crate) fn boundaries(&self, above_m: f64, to_m: f64) -> impl Iterator<Item = (f64, u8)> + '_ {
         self.stretches.iter().copied().filter(move |(from, _)| *from > above_m && *from <= to_m)
     }
 

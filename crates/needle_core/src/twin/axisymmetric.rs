@@ -6,12 +6,13 @@ use crate::mesh::Volumes;
 use crate::scene::{Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::approximation::axisymmetric::{AxisymmetricApproximation, MeridianField};
 use mtled::approximation::{ApproximationError, ShapeTable};
-use mtled::cloud::{self, Domain, Meridian, Revolved, revolve};
+use mtled::cloud::{self, Domain, Meridian};
 use mtled::solver::Role;
 
 use super::body::Layout;
 use super::build::{Built, Phi, frictional, interpolating, press, roles, settings, solver, surfaces};
 use super::moved::{self, Moved};
+use super::revolve::{Revolved, sectors};
 use super::tissue::{Cells, Fields, Tissue};
 use super::{BuildError, regions};
 
@@ -70,14 +71,7 @@ pub(super) fn build(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> R
         reach: layout.reach,
         warnings: regions::warnings(scene, &region),
         repaired_supports: approximation.repaired_supports(),
-        tissue: tissue(
-            scene,
-            &plane,
-            fields,
-            table,
-            revolve::sectors(0.5 * diameter.get(), layout.spacing.far),
-            &region,
-        )?,
+        tissue: tissue(scene, &plane, fields, table, sectors(0.5 * diameter.get(), layout.spacing.far), &region)?,
     })
 }
 

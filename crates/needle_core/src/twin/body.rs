@@ -6,7 +6,7 @@ use crate::scene::{Cells, Grading, IndenterTip, Instrument, InstrumentKind, Metr
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, MAX_GROWTH, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
-use super::{BuildError, mesh, outline, regions};
+use super::{BuildError, hexahedra, mesh, outline, regions};
 
 /// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
 const PATH_MARGIN: f64 = 1.0;
@@ -126,12 +126,7 @@ impl Body {
     pub fn regions(&self, scene: &Scene) -> Vec<u8> {
         let mut region = regions::of_cells(scene, self.top, &self.cloud.points, &self.cloud.cells, &self.volumes);
         if scene.discretisation.cells != Cells::Tetrahedra {
-            // a hexahedron lies in one region: that of most of its tetrahedra
-            for hexahedron in &self.cloud.hexahedra {
-                let mut own: Vec<u8> = hexahedron.cells.iter().map(|&c| region[c as usize]).collect();
-                own.sort_unstable();
-                hexahedron.cells.iter().for_each(|&c| region[c as usize] = own[own.len() / 2]);
-            }
+            hexahedra::in_one_region(&self.cloud, &mut region);
         }
         region
     }
@@ -142,9 +137,7 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     let height = domain.height();
     let mirror = scene.mirror();
     let cloud = match &mirror {
-        None if scene.is_grid() => {
-            cloud::structured(domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))
-        }
+        None if scene.is_grid() => hexahedra::grid(domain, &layout.spacing),
         None => filled(scene, domain, &layout.spacing),
         Some(mirror) => half(scene, domain, &layout.spacing, mirror),
     };
@@ -168,13 +161,10 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
 /// Tetrahedra, and if the scene asks for them hexahedra where there is room.
 pub(super) fn filled(scene: &Scene, domain: &Domain, spacing: &Spacing) -> Result<Cloud, BuildError> {
     let bricks = scene.discretisation.cells != Cells::Tetrahedra;
-    let cloud = if bricks { cloud::with_bricks(domain, spacing) } else { cloud::generate(domain, spacing) };
-    let cloud = cloud.map_err(|e| BuildError::Cloud(e.to_string()))?;
-    if bricks && cloud.hexahedra.is_empty() {
-        let reason = "discretisation.cells: no hexahedron has room between surface, interfaces and path: use a smaller spacing_m, or tetrahedra";
-        return Err(BuildError::Cloud(reason.to_owned()));
+    if bricks {
+        return hexahedra::with_bricks(domain, spacing);
     }
-    Ok(cloud)
+    cloud::generate(domain, spacing).map_err(|e| BuildError::Cloud(e.to_string()))
 }
 
 /// The cloud of the half of a body: generated where the plane of symmetry is y = 0, and turned to where it is.
@@ -211,12 +201,12 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Spacing in space.
-    pub fn new(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
+    pub(crate) fn new(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         Self::refined(scene, domain, grading, 1.0)
     }
 
     /// Spacing in the half plane, where an edge of contact is a point: twice as fine costs next to nothing there.
-    pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
+    pub(crate) fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         let spacing = Metres(scene.plane_refinement() * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
         if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
@@ -321,18 +311,18 @@ impl Layout {
     }
 
     /// Least vertical distance between the layers of nodes along a needle's path, m; 0 without a needle.
-    pub fn finest_layer(&self) -> f64 {
+    pub(crate) fn finest_layer(&self) -> f64 {
         let fine = self.spacing.features.iter().filter(|f| matches!(f, Feature::FinePath { .. })).map(Feature::spacing);
         fine.fold(self.layer(), f64::min)
     }
 
     /// Whether the layers of a needle's path are closer to each other where it enters.
-    pub fn is_graded(&self) -> bool {
+    pub(crate) fn is_graded(&self) -> bool {
         self.spacing.features.iter().any(|f| matches!(f, Feature::FinePath { .. }))
     }
 
     /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle. The largest, where they are graded.
-    pub fn layer(&self) -> f64 {
+    pub(crate) fn layer(&self) -> f64 {
         self.spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0)
     }
 }

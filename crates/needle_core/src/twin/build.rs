@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::instrument::{Resistance, Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
+use crate::instrument::{Contact, Frictional, NeedlePath, Press, Resistance, Shaft, start_and_slow, surface};
 use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Region, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
@@ -15,7 +15,7 @@ use super::pace::Pace;
 use super::recover::Saved;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Along, Body, BuildError, Fixed, Progress, Twin, axisymmetric, regions};
+use super::{Along, Body, BuildError, Fixed, Progress, Twin, axisymmetric, hexahedra, regions};
 
 /// What a model brings to the twin.
 pub(super) struct Built {
@@ -148,9 +148,10 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     if !material.is_empty() {
         approximation = approximation.with_regions(&material).with_four_points(&regions::with_four_points(made_for));
     }
-    let points_per_hexahedron = scene.discretisation.cells.points_per_hexahedron();
-    if points_per_hexahedron > 0 {
-        approximation = approximation.with_hexahedra(&cloud.hexahedra, points_per_hexahedron);
+    if scene.discretisation.cells.points_per_hexahedron() > 0 {
+        let four = regions::with_four_points(made_for);
+        let four = |cell: usize| material.get(cell).is_some_and(|&m| four.get(usize::from(m)) == Some(&true));
+        approximation = hexahedra::integrated(approximation, scene, cloud, four)?;
     }
     let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| moved::back(moved, t.position)).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());
@@ -335,7 +336,9 @@ pub(super) fn frictional(
         .with_face(&pushes)
         .along(&axis, top, points)
         .in_tissue(scene, needle, &axis, top, |p| regions::at(scene, top, p));
-    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells).bent(scene, needle, top))))
+    Ok(Contact::Frictional(Box::new(
+        Frictional::new(shaft, start_and_slow(scene), reach, cells).bent(scene, needle, top),
+    )))
 }
 
 /// What holds each node from the start.

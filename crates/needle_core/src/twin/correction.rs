@@ -42,7 +42,7 @@ impl Similarity {
 
     /// s R(w) v (Rodrigues).
     #[must_use]
-    pub fn apply(&self, v: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn apply(&self, v: [f64; 3]) -> [f64; 3] {
         let angle = length(self.turn);
         if angle == 0.0 {
             return v.map(|v| self.scale * v);

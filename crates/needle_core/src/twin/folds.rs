@@ -22,7 +22,7 @@ pub(super) struct Folds {
 }
 
 impl Folds {
-    pub fn new(tissue: &Tissue) -> Self {
+    pub(crate) fn new(tissue: &Tissue) -> Self {
         Self { places: vec![[0.0; 3]; tissue.model.nodes] }
     }
 

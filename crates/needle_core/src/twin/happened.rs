@@ -38,17 +38,17 @@ impl Default for Happened {
 
 impl Happened {
     /// Forgets the events of the pose before.
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.list.clear();
         self.closed = 0;
     }
 
-    pub fn note(&mut self, event: Event) {
+    pub(crate) fn note(&mut self, event: Event) {
         self.list.push(Happening { event, force_before_n: self.force_n, force_after_n: self.force_n });
     }
 
     /// The force at a place at which the model has come to an answer.
-    pub fn close(&mut self, force_n: [f64; 3]) {
+    pub(crate) fn close(&mut self, force_n: [f64; 3]) {
         self.list[self.closed..].iter_mut().for_each(|h| h.force_after_n = force_n);
         (self.closed, self.force_n) = (self.list.len(), force_n);
     }

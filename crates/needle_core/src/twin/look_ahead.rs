@@ -26,7 +26,7 @@ pub struct Motion {
 
 impl Motion {
     /// Distance between two poses of a motion, m.
-    pub const SPACING_M: f64 = 20e-6;
+    pub(crate) const SPACING_M: f64 = 20e-6;
     /// Explicit steps of a motion. The needle preset's force at the end of a millimetre is then within one per cent of
     /// that of the motion itself, at the end of two within two per cent (half plane, from depths of 2 to 6 mm).
     pub const STEPS: u32 = 300;

@@ -9,6 +9,7 @@ mod correction;
 mod folds;
 mod happened;
 mod health;
+mod hexahedra;
 mod look_ahead;
 mod mesh;
 mod mesh_frame;
@@ -22,6 +23,7 @@ mod pierce;
 mod recover;
 mod recovered;
 mod regions;
+mod revolve;
 mod sibling;
 mod speed;
 mod step;
@@ -417,7 +419,11 @@ impl Twin {
         let path = self.path();
         let (cosine, [sx, sy]) = (1.0 / path.secant(), path.slope);
         let [x, y] = path.at(depth_m * cosine);
-        Pose { tip: [x, y, self.fixed.top - depth_m * cosine], axis: [sx * cosine, sy * cosine, -cosine], roll_rad: 0.0 }
+        Pose {
+            tip: [x, y, self.fixed.top - depth_m * cosine],
+            axis: [sx * cosine, sy * cosine, -cosine],
+            roll_rad: 0.0,
+        }
     }
 
     /// Depth of a pose's tip below the undeformed top face along its own axis, m.

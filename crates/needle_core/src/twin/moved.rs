@@ -28,7 +28,7 @@ pub(super) struct Moved {
 impl Moved {
     /// From a body with other regions to a scene's own; `None` where there is no such map: other shapes than layers, another order of
     /// materials, or a layer that would become too thin or thick.
-    pub fn new(scene: &Scene, made_for: &[Region]) -> Option<Self> {
+    pub(crate) fn new(scene: &Scene, made_for: &[Region]) -> Option<Self> {
         let upright = scene.instrument.is_none_or(|i| i.slope() == [0.0; 2]);
         let top = match scene.sample.shape {
             Shape::Cylinder { height, .. } | Shape::Box { height, .. } if upright => height.get(),
@@ -42,7 +42,7 @@ impl Moved {
     }
 
     /// How many times as thick or as thin a layer becomes at most.
-    pub fn most(&self) -> f64 {
+    pub(crate) fn most(&self) -> f64 {
         self.heights.windows(2).map(|h| stretch(h[0], h[1])).map(|s| s.max(1.0 / s)).fold(1.0, f64::max)
     }
 
@@ -53,25 +53,25 @@ impl Moved {
     }
 
     /// Where a height of the cloud is in the scene, m.
-    pub fn height(&self, z: f64) -> f64 {
+    pub(crate) fn height(&self, z: f64) -> f64 {
         let [a, b] = self.part(z);
         // an end keeps its own digits
         if z == b[0] { b[1] } else { a[1] + stretch(a, b) * (z - a[0]) }
     }
 
     /// The height of the cloud that is at one of the scene, m.
-    pub fn back(&self, z: f64) -> f64 {
+    pub(crate) fn back(&self, z: f64) -> f64 {
         let inverse = Self { heights: self.heights.iter().map(|[from, to]| [*to, *from]).collect() };
         inverse.height(z)
     }
 
     /// Moves points of the cloud.
-    pub fn places(&self, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    pub(crate) fn places(&self, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         points.iter().map(|&[x, y, z]| [x, y, self.height(z)]).collect()
     }
 
     /// Stretches the shape functions and volumes of a table over cells, in the cloud.
-    pub fn stretch<const K: usize>(&self, table: &mut ShapeTable, points: &[[f64; 3]], cells: &[[u32; K]]) {
+    pub(crate) fn stretch<const K: usize>(&self, table: &mut ShapeTable, points: &[[f64; 3]], cells: &[[u32; K]]) {
         for p in 0..table.volume.len() {
             let centre = cells[table.cell[p] as usize].iter().map(|&n| points[n as usize][2]).sum::<f64>() / K as f64;
             let [a, b] = self.part(centre);

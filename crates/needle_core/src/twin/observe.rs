@@ -40,7 +40,7 @@ impl Twin {
 
     /// Largest distance between the field and its prescribed value at a held node, m.
     #[must_use]
-    pub fn constraint_error(&self) -> f64 {
+    pub(crate) fn constraint_error(&self) -> f64 {
         self.fixed.tissue.constraint_error(&self.solver)
     }
 
@@ -113,7 +113,7 @@ impl Twin {
 
     /// Depth at which the surface was punctured or deepest point of the insertion; `None` before.
     #[must_use]
-    pub fn deepest(&self) -> Option<f64> {
+    pub(crate) fn deepest(&self) -> Option<f64> {
         match &self.contact {
             Some(Contact::Needle(n)) if n.insertion().punctured => Some(n.insertion().deepest * self.path().secant()),
             Some(Contact::Frictional(n)) => n.deepest(),

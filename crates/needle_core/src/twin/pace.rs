@@ -104,7 +104,7 @@ pub(super) struct Pace {
 
 impl Pace {
     /// `height`: of the sample, m.
-    pub fn new(scene: &Scene, height: f64) -> Self {
+    pub(crate) fn new(scene: &Scene, height: f64) -> Self {
         let slips = scene.instrument.is_some_and(|i| i.is_frictional());
         let needle = matches!(scene.instrument, Some(i) if matches!(i.kind, InstrumentKind::Needle(_)));
         let width = match scene.instrument.map(|i| i.kind) {
@@ -158,12 +158,12 @@ impl Pace {
     }
 
     /// Most steps that a pose may cost.
-    pub fn most(&self) -> u32 {
+    pub(crate) fn most(&self) -> u32 {
         self.stepping.max_steps_per_pose.min(self.limit).max(1)
     }
 
     /// Learns from the balance after a pose.
-    pub fn judge(&mut self, balance: &Balance, moving: bool) {
+    pub(crate) fn judge(&mut self, balance: &Balance, moving: bool) {
         self.pending = 0.0;
         let force = norm(balance.instrument);
         self.peak = self.peak.max(force);
@@ -179,18 +179,18 @@ impl Pace {
     }
 
     /// Takes over the imbalance after further steps at the same pose.
-    pub fn note(&mut self, balance: &Balance) {
+    pub(crate) fn note(&mut self, balance: &Balance) {
         self.imbalance = if self.peak > 0.0 { unbalanced(balance) / self.peak } else { 0.0 };
     }
 
     /// Takes over the force after a fall that was followed to rest: it says nothing of how the force goes on.
-    pub fn follow(&mut self, balance: &Balance) {
+    pub(crate) fn follow(&mut self, balance: &Balance) {
         (self.force, self.change) = (balance.instrument, 0.0);
     }
 
     /// Whether the tissue is near enough to rest for the pose to be answered. What slips and what is cut is not undone by the poses that
     /// follow, so a needle with friction does not leave a pose before. `energies`: kinetic over strain energy.
-    pub fn is_settled(&self, balance: &Balance, energies: f64) -> bool {
+    pub(crate) fn is_settled(&self, balance: &Balance, energies: f64) -> bool {
         let force = norm(balance.instrument);
         let size = self.peak.max(force).max(self.force_floor);
         let rests = energies <= SETTLED_ENERGIES * Health::MOST_KINETIC;
@@ -198,7 +198,7 @@ impl Pace {
     }
 
     /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.
-    pub fn unsettle(&mut self) {
+    pub(crate) fn unsettle(&mut self) {
         self.unsettled = 1.0;
     }
 

@@ -96,12 +96,6 @@ impl Twin {
         matches!(self.contact, Some(Contact::Frictional(_))).then(|| self.solver.slip().forces())
     }
 
-    /// Depth of the material at each ring of the tip, m, from the axis outwards; empty for other instruments.
-    #[must_use]
-    pub fn tip_rings(&self) -> &[f64] {
-        &self.solver.slip().end
-    }
-
     /// Work that slip along a needle with friction and at its tip has dissipated since the last reset, J.
     #[must_use]
     pub fn dissipated_j(&self) -> f64 {

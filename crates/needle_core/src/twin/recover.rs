@@ -27,14 +27,14 @@ pub(super) struct Saved {
 
 impl Saved {
     /// Before the first contact.
-    pub fn new(contact: Option<Contact>) -> Self {
+    pub(crate) fn new(contact: Option<Contact>) -> Self {
         Self { contact, tip: [0.0; 3], shaft: [0.0; 2], depth_m: 0.0, phase: Phase::Approach }
     }
 }
 
 impl Saved {
     /// Of another contact from now on.
-    pub fn contact_of(&mut self, contact: &Option<Contact>) {
+    pub(crate) fn contact_of(&mut self, contact: &Option<Contact>) {
         self.contact.clone_from(contact);
     }
 }

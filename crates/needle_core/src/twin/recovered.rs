@@ -45,7 +45,7 @@ pub(super) struct Recovered {
 }
 
 impl Recovered {
-    pub fn new(fixed: &Fixed) -> Self {
+    pub(crate) fn new(fixed: &Fixed) -> Self {
         let Fixed { scene, tissue, top, .. } = fixed;
         let region: Vec<u8> =
             (0..tissue.model.volume.len()).map(|p| regions::at(scene, *top, tissue.place(p))).collect();

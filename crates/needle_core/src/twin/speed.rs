@@ -43,7 +43,7 @@ pub(super) struct Speed {
 
 impl Speed {
     /// Takes a pose, and says how long its way takes, s: `None` where that is not known, or goes no deeper.
-    pub fn time_to(&mut self, time_s: f64, depth_m: f64) -> Option<f64> {
+    pub(crate) fn time_to(&mut self, time_s: f64, depth_m: f64) -> Option<f64> {
         let here = Mark { time_s, depth_m };
         let (Some(last), Some([old, new])) = (self.last.replace(here), self.from) else {
             self.begin(time_s, depth_m);
@@ -75,7 +75,7 @@ impl Speed {
     }
 
     /// Measures from a pose on; what was before says nothing.
-    pub fn begin(&mut self, time_s: f64, depth_m: f64) {
+    pub(crate) fn begin(&mut self, time_s: f64, depth_m: f64) {
         let here = Mark { time_s, depth_m };
         *self = Self { last: Some(here), from: Some([here; 2]), least_s: LEAST_S, ..Self::default() };
     }

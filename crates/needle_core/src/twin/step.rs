@@ -318,7 +318,9 @@ impl Twin {
             return Ok(Tip { offset: [0.0, 0.0, offset[2]], depth, slope: [0.0; 2], roll });
         }
         let slope = [axis[0] / axis[2], axis[1] / axis[2], 0.0];
-        let Some(mirror) = self.fixed.mirror else { return Ok(Tip { offset, depth, slope: [slope[0], slope[1]], roll }) };
+        let Some(mirror) = self.fixed.mirror else {
+            return Ok(Tip { offset, depth, slope: [slope[0], slope[1]], roll });
+        };
         let [x, y, _] = mirror.within(&slope);
         Ok(Tip { offset: mirror.within(&offset), depth, slope: [x, y], roll })
     }

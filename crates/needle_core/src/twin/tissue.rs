@@ -76,7 +76,7 @@ impl Fields {
     }
 
     /// Displacement of target i, m.
-    pub fn target(&self, i: usize, u: &[[f64; 3]]) -> [f64; 3] {
+    pub(crate) fn target(&self, i: usize, u: &[[f64; 3]]) -> [f64; 3] {
         match self {
             Self::Full { targets, .. } => targets.at(i, u),
             Self::Mirrored { targets, mirror, beyond, .. } if beyond[i] => mirror.image(&targets.at(i, u)),
@@ -88,7 +88,7 @@ impl Fields {
 
 impl Tissue {
     /// Displacement of every shown point, m. Overwrites `out`.
-    pub fn displacements(&self, u: &[[f64; 3]], out: &mut Vec<[f64; 3]>) {
+    pub(crate) fn displacements(&self, u: &[[f64; 3]], out: &mut Vec<[f64; 3]>) {
         out.clear();
         let nodes = (0..self.model.nodes).map(|n| self.fields.node(n, u));
         match &self.fields {
@@ -109,7 +109,7 @@ impl Tissue {
     }
 
     /// Present places of the targets, m. Overwrites `out`.
-    pub fn target_positions(&self, targets: &[Target], u: &[[f64; 3]], out: &mut Vec<[f64; 3]>) {
+    pub(crate) fn target_positions(&self, targets: &[Target], u: &[[f64; 3]], out: &mut Vec<[f64; 3]>) {
         out.clear();
         out.extend(targets.iter().enumerate().map(|(i, t)| {
             let d = self.fields.target(i, u);
@@ -118,7 +118,7 @@ impl Tissue {
     }
 
     /// Volume ratio J and von Mises (Cauchy) stress in Pa, averaged to the shown points. Overwrites both.
-    pub fn jacobian_and_stress(&self, solver: &Solver, jacobian: &mut Vec<f64>, von_mises_pa: &mut Vec<f64>) {
+    pub(crate) fn jacobian_and_stress(&self, solver: &Solver, jacobian: &mut Vec<f64>, von_mises_pa: &mut Vec<f64>) {
         for v in [&mut *jacobian, &mut *von_mises_pa] {
             v.clear();
             v.resize(self.model.nodes, 0.0);
@@ -142,7 +142,7 @@ impl Tissue {
     }
 
     /// Volume ratio J averaged to the shown points. Overwrites it.
-    pub fn jacobian(&self, solver: &Solver, jacobian: &mut Vec<f64>) {
+    pub(crate) fn jacobian(&self, solver: &Solver, jacobian: &mut Vec<f64>) {
         jacobian.clear();
         jacobian.resize(self.model.nodes, 0.0);
         let mut weight = vec![0.0; self.model.nodes];
@@ -170,19 +170,19 @@ impl Tissue {
     }
 
     /// Centre of the cell that an integration point lies in, in the undeformed body, m: of a ring at azimuth zero.
-    pub fn place(&self, point: usize) -> [f64; 3] {
+    pub(crate) fn place(&self, point: usize) -> [f64; 3] {
         let corners = self.corners(point);
         let sum = |k: usize| corners.iter().map(|&n| self.at_rest(n as usize)[k]).sum::<f64>();
         std::array::from_fn(|k| sum(k) / corners.len() as f64)
     }
 
     /// Corners of the cell that an integration point lies in, by the model's nodes.
-    pub fn corners(&self, point: usize) -> &[u32] {
+    pub(crate) fn corners(&self, point: usize) -> &[u32] {
         self.model.corners(point, &self.cells)
     }
 
     /// Undeformed place of one of the model's nodes, m: of a ring at azimuth zero.
-    pub fn at_rest(&self, n: usize) -> [f64; 3] {
+    pub(crate) fn at_rest(&self, n: usize) -> [f64; 3] {
         match &self.fields {
             Fields::Full { .. } | Fields::Mirrored { .. } => self.points[n],
             Fields::Revolved { first, .. } => self.points[first[n] as usize],
@@ -190,7 +190,7 @@ impl Tissue {
     }
 
     /// Largest distance between the field and its prescribed value at a held node, m.
-    pub fn constraint_error(&self, solver: &Solver) -> f64 {
+    pub(crate) fn constraint_error(&self, solver: &Solver) -> f64 {
         let u = solver.parameters();
         let held = solver.roles().iter().enumerate().filter(|(_, r)| **r != Role::Free);
         held.map(|(n, _)| {

@@ -35,25 +35,25 @@ pub(super) struct Way {
 
 impl Way {
     /// How many moves it is made in.
-    pub fn moves(&self) -> f64 {
+    pub(crate) fn moves(&self) -> f64 {
         f64::from(self.strides.max(1))
     }
 
     /// Number of strides; 0: it is made at once.
-    pub const fn strides(&self) -> u32 {
+    pub(crate) const fn strides(&self) -> u32 {
         self.strides
     }
 
     /// The same way in strides of a length, m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
-    pub fn in_strides(self, stride_m: f64) -> Self {
+    pub(crate) fn in_strides(self, stride_m: f64) -> Self {
         // the rest of a way that was cut into these is a whole number of them but for round-off
         let strides = if stride_m > 0.0 { (self.length / stride_m - 1e-6).ceil().max(0.0) as u32 } else { 0 };
         Self { strides, ..self }
     }
 
     /// The places on the way, without the one at which the tip is in the end.
-    pub fn places(self) -> impl Iterator<Item = Tip> {
+    pub(crate) fn places(self) -> impl Iterator<Item = Tip> {
         let [from, to] = self.ends;
         let secant = (1.0 + self.to.slope.iter().map(|s| s * s).sum::<f64>()).sqrt();
         let share = move |i: u32| f64::from(i) / f64::from(self.strides);

@@ -29,7 +29,7 @@ pub(super) struct Counters {
 pub(super) struct Counter(AtomicU64);
 
 impl Counter {
-    pub fn add(&self, values: usize) {
+    pub(crate) fn add(&self, values: usize) {
         self.0.fetch_add(values as u64, Ordering::Relaxed);
     }
 
@@ -39,7 +39,7 @@ impl Counter {
 }
 
 impl Counters {
-    pub fn work(&self) -> Work {
+    pub(crate) fn work(&self) -> Work {
         Work {
             displacements: self.displacements.get(),
             targets: self.targets.get(),

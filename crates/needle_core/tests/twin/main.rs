@@ -3,6 +3,7 @@
 mod abuse;
 mod accuracy;
 mod axisymmetric;
+#[cfg(feature = "research")]
 mod bricks;
 #[path = "../../../mtled/tests/clouds/mod.rs"]
 mod clouds;
@@ -13,6 +14,8 @@ mod door;
 mod force_balance;
 mod frictional_oblique;
 mod half_plane;
+#[cfg(feature = "research")]
+mod hexahedra_force;
 mod invariance;
 mod membranes;
 mod mesh_files;
@@ -31,6 +34,7 @@ mod outline;
 mod own_instrument;
 mod regions;
 mod relaxation;
+mod research;
 mod scene_properties;
 mod scene_refusals;
 mod scenes;

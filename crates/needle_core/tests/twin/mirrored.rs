@@ -201,7 +201,10 @@ fn a_pose_out_of_the_plane_is_refused_and_one_within_it_is_followed() {
     let moved = |by: [f64; 3], lean: f64| {
         let [x, _, z] = good.axis;
         let axis = [x * (1.0 - lean * lean).sqrt(), lean, z * (1.0 - lean * lean).sqrt()];
-        StampedPose { time_s: 0.0, pose: Pose { tip: std::array::from_fn(|k| good.tip[k] + by[k]), axis, roll_rad: 0.0 } }
+        StampedPose {
+            time_s: 0.0,
+            pose: Pose { tip: std::array::from_fn(|k| good.tip[k] + by[k]), axis, roll_rad: 0.0 },
+        }
     };
     for pose in [moved([0.0, 1e-4, 0.0], 0.0), moved([0.0; 3], 0.01)] {
         let Err(Halt::Pose { reason }) = twin.step(pose) else { panic!("{pose:?} is taken") };

@@ -172,7 +172,11 @@ fn what_makes_no_sense_is_refused() {
         (&[("instrument.tip", "bevel")], "instrument.bevel_force_n"),
         (&[("instrument.flexible", "true"), ("instrument.length_m", "0.005")], "instrument.length_m"),
         (
-            &[("instrument.flexible", "true"), ("instrument.length_m", "0.1"), ("instrument.inner_diameter_m", "0.001")],
+            &[
+                ("instrument.flexible", "true"),
+                ("instrument.length_m", "0.1"),
+                ("instrument.inner_diameter_m", "0.001"),
+            ],
             "instrument.inner_diameter_m",
         ),
         (

@@ -135,9 +135,11 @@ fn every_key_can_be_set_to_what_it_is() {
     let frictional = whole.with(&[Override::text("instrument.interaction", "frictional", "test")]).unwrap();
     scenes.extend([whole.clone(), cuboid, mesh, frictional]);
     scenes.extend(scenes.clone().iter().map(with_regions));
-    let full = [("discretisation.dimension", "full"), ("discretisation.cells", "hexahedra")];
-    let keys: Vec<_> = full.iter().map(|(k, v)| Override::text(k, v, "test")).collect();
-    scenes.push(Scene::preset("compression").unwrap().with(&keys).unwrap());
+    if cfg!(feature = "research") {
+        let full = [("discretisation.dimension", "full"), ("discretisation.cells", "hexahedra")];
+        let keys: Vec<_> = full.iter().map(|(k, v)| Override::text(k, v, "test")).collect();
+        scenes.push(Scene::preset("compression").unwrap().with(&keys).unwrap());
+    }
     scenes.push(corrected(&whole));
     scenes.push(whole.with(&[Override::text("align.contact_depth_m", "0.001", "test")]).unwrap());
     for key in KEYS.iter() {

@@ -167,7 +167,7 @@ fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
             cases.extend(reduced(scene, &at(&base.spaced(scene, factor), range.base_pace), extent));
         }
         if extent == Extent::Full {
-            cases.extend(one_at_a_time(&at(&base.spaced(scene, range.base), range.base_pace), range.methods));
+            cases.extend(one_at_a_time(scene, &at(&base.spaced(scene, range.base), range.base_pace), range.methods));
             let more = MORE_PACES[..range.more_paces].iter();
             cases.extend(more.map(|pace| at(&base.spaced(scene, range.base), *pace)));
             cases.push(base);
@@ -181,7 +181,7 @@ fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
 }
 
 /// Variations of support, points per cell, cells per point, precision and treatment of locking, one at a time.
-fn one_at_a_time(base: &Case, methods: &[&str]) -> Vec<Case> {
+fn one_at_a_time(scene: &Scene, base: &Case, methods: &[&str]) -> Vec<Case> {
     let mut cases = Vec::new();
     for method in methods {
         let base = Case { method: (*method).to_owned(), ..base.clone() };
@@ -193,7 +193,7 @@ fn one_at_a_time(base: &Case, methods: &[&str]) -> Vec<Case> {
                 cases.push(Case { cells_per_point: 3 - base.cells_per_point, ..base.clone() });
             }
         }
-        cases.push(Case { volume_ratio: "averaged".to_owned(), ..base.clone() });
+        cases.extend(averaged(scene, &base));
         cases.push(Case { volume_ratio: "pointwise".to_owned(), ..base.clone() });
     }
     cases.push(Case { precision: "f64".to_owned(), ..base.clone() });
@@ -212,7 +212,7 @@ fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
     for (all, path) in AT_REST.into_iter().zip(AT_REST_PATH) {
         let base = if needle { base.spaced_at_edge(scene, path) } else { base.spaced(scene, all) };
         cases.extend(Method::WORDS.iter().map(|method| Case { method: (*method).to_owned(), ..base.clone() }));
-        cases.push(Case { volume_ratio: "averaged".to_owned(), ..base.clone() });
+        cases.extend(averaged(scene, &base));
         cases.push(Case { volume_ratio: "pointwise".to_owned(), ..base.clone() });
         cases.extend(hexahedra(scene, &base));
         cases.push(Case { points_per_cell: 4, ..base });
@@ -220,7 +220,13 @@ fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
     cases
 }
 
-/// The same with hexahedra of eight points and of one, if the scene accepts them. If a cloud has no room for one, its
+/// The same with the volume ratio averaged over nodes, in builds with the feature `research`.
+fn averaged(scene: &Scene, case: &Case) -> Option<Case> {
+    let case = Case { volume_ratio: "averaged".to_owned(), ..case.clone() };
+    case.scene(scene).is_ok().then_some(case)
+}
+
+/// The same with hexahedra of eight points and of one, in builds with the feature `research`, if the scene accepts them. If a cloud has no room for one, its
 /// row reports that.
 fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
     let of = |points_per_hexahedron| Case { points_per_hexahedron, ..case.clone() };

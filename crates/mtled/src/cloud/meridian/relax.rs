@@ -3,7 +3,7 @@
 use super::{CLEARANCE, Nodes, Plane, REFRESH, RELAXATIONS};
 use crate::cloud::packing::pushed;
 use crate::cloud::triangulate::orient;
-use crate::cloud::vector::{Point, add, scale};
+use crate::vector::{Point, add, scale};
 
 impl Plane<'_> {
     /// Short-range forces between neighbours, as in [`crate::cloud::packing`].

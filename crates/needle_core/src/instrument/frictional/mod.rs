@@ -196,7 +196,12 @@ impl Frictional {
                 let gap = z - layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
                 let push = bevel.on_layer(layer, p, gap, front - tip, self.progress.roll);
                 if p < 1.0 {
-                    return flexible::Held { layer, depth, force: bevel.on_needle(force, self.shaft.axis, push), shear: 0.0 };
+                    return flexible::Held {
+                        layer,
+                        depth,
+                        force: bevel.on_needle(force, self.shaft.axis, push),
+                        shear: 0.0,
+                    };
                 }
             }
             let shear = self.shaft.share(layer, f64::INFINITY, |r| r.shear_modulus);

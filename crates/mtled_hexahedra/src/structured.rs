@@ -6,12 +6,10 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_4, PI};
 
-use super::domain::{BASE, Domain, SIDE, TOP};
-use super::error::CloudError;
-use super::hexahedron::{Hexahedron, cut};
-use super::spacing::{Feature, Spacing};
-use super::vector::Point;
-use super::{Cloud, Summary, check, hilbert_order, sort_cells};
+use mtled::cloud::hexahedron::{Hexahedron, cut};
+use mtled::cloud::{
+    BASE, Cloud, CloudError, Domain, Feature, SIDE, Spacing, Summary, TOP, check, hilbert_order, sort_cells,
+};
 
 /// Nodes round an indenter's edge over four, at least: the polygon has 0.6 % less area than the circle.
 const QUARTER_OF_RING: f64 = 8.0;
@@ -40,14 +38,14 @@ struct Section {
 /// The cloud of a whole cylinder or box. Features lie about the axis; regions have no part in it.
 ///
 /// # Errors
-/// [`CloudError`], as [`super::generate`].
+/// [`CloudError`], as [`mtled::cloud::generate`].
 pub fn structured(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
     domain.validate()?;
     spacing.validate_features(domain)?;
     let (low, high) = domain.bounds();
     let line = |k: usize| (0..=ACROSS).map(move |i| low[k] + (high[k] - low[k]) * i as f64 / ACROSS as f64);
     let least = spacing.finest().max(FINEST * spacing.far);
-    let finest = |places: &mut dyn Iterator<Item = Point>| {
+    let finest = |places: &mut dyn Iterator<Item = [f64; 3]>| {
         let wanted = places.map(|p| spacing.at(domain, p)).fold(f64::INFINITY, f64::min);
         wanted.clamp(least, MOST * least)
     };

@@ -1,9 +1,8 @@
 //! The body that a meridian half plane sweeps: what an axisymmetric model shows of itself.
 
-use super::error::CloudError;
-use super::meridian::Meridian;
-use super::quality::six_volumes;
-use super::vector::Point;
+use mtled::cloud::quality::six_volumes;
+use mtled::cloud::{CloudError, Meridian, check};
+
 use std::f64::consts::PI;
 
 /// Fewest and most sectors.
@@ -13,9 +12,9 @@ const CHORD: f64 = 1.5;
 
 /// A revolved half plane. Each node off the axis has one copy per sector, one after the other in the order of azimuths.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Revolved {
+pub(super) struct Revolved {
     /// Places in space, m.
-    pub points: Vec<Point>,
+    pub points: Vec<[f64; 3]>,
     /// Tetrahedra, each with positive volume.
     pub cells: Vec<[u32; 4]>,
     /// Triangle of the half plane that each tetrahedron is swept from.
@@ -30,7 +29,7 @@ pub struct Revolved {
 
 /// How many sectors a body of this radius is shown with, for a spacing `far` from every edge, m.
 #[must_use]
-pub fn sectors(radius: f64, far: f64) -> usize {
+pub(super) fn sectors(radius: f64, far: f64) -> usize {
     (2.0 * PI * radius / (CHORD * far)).ceil().clamp(SECTORS.0, SECTORS.1) as usize
 }
 
@@ -39,7 +38,7 @@ impl Revolved {
     ///
     /// # Errors
     /// A node so near the axis that its copies coincide.
-    pub fn new(meridian: &Meridian, sectors: usize) -> Result<Self, CloudError> {
+    pub(super) fn new(meridian: &Meridian, sectors: usize) -> Result<Self, CloudError> {
         let azimuth = |k: usize| {
             let (sin, cos) = (2.0 * PI * k as f64 / sectors as f64).sin_cos();
             [cos, sin]
@@ -61,14 +60,14 @@ impl Revolved {
             (0..sectors).for_each(|s| wedge(*t, &|v, k| copy(v, s + k), &points, &mut cells));
             triangle.resize(cells.len(), i);
         }
-        let surface = super::check::check(&points, &cells)?;
+        let surface = check::check(&points, &cells)?;
         Ok(Self { points, cells, triangle, surface, first, azimuths })
     }
 }
 
 /// The tetrahedra between a triangle and its copy in the next sector. The side of an edge is cut from its lower node to
 /// the copy of its higher one, the same from both triangles that share the edge.
-fn wedge(t: [u32; 3], copy: &dyn Fn(u32, usize) -> u32, points: &[Point], cells: &mut Vec<[u32; 4]>) {
+fn wedge(t: [u32; 3], copy: &dyn Fn(u32, usize) -> u32, points: &[[f64; 3]], cells: &mut Vec<[u32; 4]>) {
     let mut sorted = t;
     sorted.sort_unstable();
     let [a, b, c] = sorted;
