@@ -399,7 +399,7 @@ mod tests {
             received: now,
             begun: now,
             done: now,
-            pose: StampedPose { time_s: 0.0, pose: Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0] } },
+            pose: StampedPose { time_s: 0.0, pose: Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0], roll_rad: 0.0 } },
             prediction: Prediction {
                 time_s: 0.0,
                 depth_m: 0.001,
