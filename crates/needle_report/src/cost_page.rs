@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 const STYLE: [&str; 2] =
-    [include_str!("../../../assets/report/style.css"), include_str!("../../../assets/report/accuracy.css")];
-const SCRIPT: &str = include_str!("../../../assets/report/accuracy.js");
+    [include_str!("../assets/report/style.css"), include_str!("../assets/report/accuracy.css")];
+const SCRIPT: &str = include_str!("../assets/report/accuracy.js");
 
 /// Content of `accuracy.html`.
 pub(super) fn cost_page(scenes: &[(&str, Vec<&Row>)]) -> String {

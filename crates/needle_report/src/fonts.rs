@@ -3,8 +3,8 @@
 use super::picture::Type;
 use ab_glyph::{Font as _, FontRef, PxScale, ScaleFont as _};
 
-static REGULAR: &[u8] = include_bytes!("../../../assets/fonts/Inter-Regular-subset.otf");
-static SEMIBOLD: &[u8] = include_bytes!("../../../assets/fonts/Inter-SemiBold-subset.otf");
+static REGULAR: &[u8] = include_bytes!("../assets/fonts/Inter-Regular-subset.otf");
+static SEMIBOLD: &[u8] = include_bytes!("../assets/fonts/Inter-SemiBold-subset.otf");
 
 /// The text, truncated with an ellipsis if it is wider than `room` px.
 pub(super) fn fitted(text: &str, typ: Type, room: f64) -> String {

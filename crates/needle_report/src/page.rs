@@ -6,14 +6,14 @@ use super::{ReportError, embed, force_plot::way, line_plot, settings::settings_h
 use needle_estimate::compare::{Pass, Run};
 use std::fmt::Write as _;
 
-pub(super) const PAGE: &str = include_str!("../../../assets/report/page.html");
-const STYLE: &str = include_str!("../../../assets/report/style.css");
+pub(super) const PAGE: &str = include_str!("../assets/report/page.html");
+const STYLE: &str = include_str!("../assets/report/style.css");
 const SCRIPTS: [&str; 5] = [
-    include_str!("../../../assets/report/text.js"),
-    include_str!("../../../assets/report/charts.js"),
-    include_str!("../../../assets/report/shapes.js"),
-    include_str!("../../../assets/report/view.js"),
-    include_str!("../../../assets/report/main.js"),
+    include_str!("../assets/report/text.js"),
+    include_str!("../assets/report/charts.js"),
+    include_str!("../assets/report/shapes.js"),
+    include_str!("../assets/report/view.js"),
+    include_str!("../assets/report/main.js"),
 ];
 
 /// Content of `report.html`: summary, force over depth and over time with residual, the deformed sample in 3D, steps

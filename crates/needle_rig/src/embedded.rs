@@ -6,9 +6,9 @@ use std::fs;
 use std::path::Path;
 
 /// The file of `bags/needle_insertion`.
-static NEEDLE_INSERTION: &[u8] = include_bytes!("../../../bags/needle_insertion/needle_insertion_0.mcap");
+static NEEDLE_INSERTION: &[u8] = include_bytes!("../bags/needle_insertion/needle_insertion_0.mcap");
 /// Its metadata.yaml.
-static METADATA: &str = include_str!("../../../bags/needle_insertion/metadata.yaml");
+static METADATA: &str = include_str!("../bags/needle_insertion/metadata.yaml");
 
 /// The bag, in memory.
 ///

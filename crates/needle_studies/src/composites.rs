@@ -90,7 +90,7 @@ pub const COMPOSITES: [Composite; 5] = [
         regions: LAYERS,
         keys: &[NO_WALL],
         heights_mm: &[15, 10],
-        table: include_str!("../../../bags/reference/layered_indentation.csv"),
+        table: include_str!("../bags/reference/layered_indentation.csv"),
     },
     Composite {
         name: "layered_needle",
@@ -98,7 +98,7 @@ pub const COMPOSITES: [Composite; 5] = [
         regions: LAYERS,
         keys: &[],
         heights_mm: &[],
-        table: include_str!("../../../bags/reference/layered_needle.csv"),
+        table: include_str!("../bags/reference/layered_needle.csv"),
     },
     Composite {
         name: "inclusion_indentation",
@@ -106,7 +106,7 @@ pub const COMPOSITES: [Composite; 5] = [
         regions: SPHERE_AT_10_MM,
         keys: &[NO_WALL],
         heights_mm: &[13, 10, 7],
-        table: include_str!("../../../bags/reference/inclusion_indentation.csv"),
+        table: include_str!("../bags/reference/inclusion_indentation.csv"),
     },
     Composite {
         name: "inclusion_compression",
@@ -114,7 +114,7 @@ pub const COMPOSITES: [Composite; 5] = [
         regions: SPHERE_AT_8_5_MM,
         keys: &[],
         heights_mm: &[],
-        table: include_str!("../../../bags/reference/inclusion_compression.csv"),
+        table: include_str!("../bags/reference/inclusion_compression.csv"),
     },
     Composite {
         name: "membrane_indentation",
@@ -123,7 +123,7 @@ pub const COMPOSITES: [Composite; 5] = [
         // the force is only a few mN: with one step per pose the inertial error is 2 % of it (docs/lab/layers.md)
         keys: &[NO_WALL, ("instrument.diameter_m", "0.001"), ("stepping.tolerance", "0.0015")],
         heights_mm: &[],
-        table: include_str!("../../../bags/reference/membrane_indentation.csv"),
+        table: include_str!("../bags/reference/membrane_indentation.csv"),
     },
 ];
 

@@ -60,9 +60,9 @@ struct ForcePoint {
 
 fn force_table(preset: &str) -> Option<&'static str> {
     match preset {
-        "compression" => Some(include_str!("../../../bags/reference/compression_force.csv")),
-        "indentation" => Some(include_str!("../../../bags/reference/indentation_force.csv")),
-        "needle_insertion" => Some(include_str!("../../../bags/reference/needle_force_capture_radius_0.50mm.csv")),
+        "compression" => Some(include_str!("../bags/reference/compression_force.csv")),
+        "indentation" => Some(include_str!("../bags/reference/indentation_force.csv")),
+        "needle_insertion" => Some(include_str!("../bags/reference/needle_force_capture_radius_0.50mm.csv")),
         other => Composite::find(other).map(|composite| composite.table),
     }
 }
@@ -79,8 +79,8 @@ pub fn uncertainty(preset: &str, depth_m: f64) -> Option<f64> {
 /// Displacements of the indentation: on the axis, and of the top surface beyond 6 mm radius.
 #[must_use]
 pub(crate) fn indentation_displacements() -> Vec<PointDisplacement> {
-    let axis = csv::read(include_str!("../../../bags/reference/indentation_axis_at_4mm.csv"));
-    let top = csv::read(include_str!("../../../bags/reference/indentation_top_surface_at_4mm.csv"));
+    let axis = csv::read(include_str!("../bags/reference/indentation_axis_at_4mm.csv"));
+    let top = csv::read(include_str!("../bags/reference/indentation_top_surface_at_4mm.csv"));
     let on_axis = axis.filter_map(Result::ok);
     let on_top = top.filter_map(Result::ok);
     on_axis.chain(on_top.filter(|p: &PointDisplacement| p.radius_m >= NEAR_EDGE_M)).collect()
@@ -105,7 +105,7 @@ pub struct ElementStability {
 /// because they were stopped early.
 #[must_use]
 pub fn element_stability() -> Vec<ElementStability> {
-    let table = include_str!("../../../bags/reference/finite_element_stability.csv");
+    let table = include_str!("../bags/reference/finite_element_stability.csv");
     let row = |line: Line| ElementStability {
         element: line.element,
         size_mm: line.size_mm,

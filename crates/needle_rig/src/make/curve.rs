@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn it_goes_through_its_points_and_rises_between_them() {
-        let table = include_str!("../../../../bags/reference/needle_force_capture_radius_0.50mm.csv");
+        let table = include_str!("../../bags/reference/needle_force_capture_radius_0.50mm.csv");
         let curve = Curve::from_table(table);
         assert_eq!(curve.points.len(), 11);
         assert!((curve.force_n(0.005) - 0.0179524).abs() < 1e-12);

@@ -59,9 +59,9 @@ impl RigScene {
     #[must_use]
     pub fn curve(self) -> Curve {
         Curve::from_table(match self {
-            Self::Compression => include_str!("../../../../bags/reference/compression_force.csv"),
-            Self::Indentation => include_str!("../../../../bags/reference/indentation_force.csv"),
-            Self::NeedleInsertion => include_str!("../../../../bags/reference/needle_force_capture_radius_0.50mm.csv"),
+            Self::Compression => include_str!("../../bags/reference/compression_force.csv"),
+            Self::Indentation => include_str!("../../bags/reference/indentation_force.csv"),
+            Self::NeedleInsertion => include_str!("../../bags/reference/needle_force_capture_radius_0.50mm.csv"),
         })
     }
 }
