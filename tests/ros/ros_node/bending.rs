@@ -15,6 +15,9 @@ fn place(pose: &Value) -> [f64; 3] {
 fn the_shape_of_a_bent_needle_ends_at_its_tip() {
     let domain = free_domain();
     let bent = [
+        "scene:=needle_insertion",
+        "discretisation.dimension:=mirrored",
+        "instrument.capture_radius_m:=0.001",
         "instrument.flexible:=true",
         "instrument.length_m:=0.06",
         "instrument.outer_diameter_m:=0.0005",

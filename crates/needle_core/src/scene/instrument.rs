@@ -13,7 +13,7 @@ const WALL: Key = Key::boolean("instrument.wall_contact").or("true");
 const PRESSING: [&str; 2] = ["plate", "indenter"];
 const DIAMETER: Key = Key::real("instrument.diameter_m", LENGTH, "m");
 /// An indenter is flat or half a ball; a needle flat, conical or bevelled.
-const TIP: Key = Key::word("instrument.tip", &["flat", "sphere", "conical", "bevel"]).or("flat");
+const TIP: Key = Key::word("instrument.tip", &["flat", "conical", "bevel", "sphere"]).or("flat");
 /// A plate covers the whole face: it has no entry point.
 const WITH_ENTRY: [&str; 2] = ["indenter", "needle"];
 

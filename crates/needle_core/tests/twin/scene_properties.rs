@@ -59,7 +59,11 @@ fn random_scene() -> impl Strategy<Value = Vec<(String, Value)>> {
 fn applies(path: &str, values: &[(String, Value)]) -> bool {
     let Some((selector, words)) = keys::find(path).and_then(|key| key.only_with) else { return true };
     let drawn = values.iter().find(|(p, _)| p == selector).map(|(_, value)| value);
-    applies(selector, values) && words.iter().any(|w| Some(&Value::from(*w)) == drawn)
+    let selects = |word: &str| match drawn {
+        Some(Value::Boolean(yes)) => yes.to_string() == word,
+        drawn => Some(&Value::from(word)) == drawn,
+    };
+    applies(selector, values) && words.iter().any(|word| selects(word))
 }
 
 /// The random values that apply to the words that were drawn, on the sample that was drawn.
