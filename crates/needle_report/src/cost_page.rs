@@ -7,8 +7,7 @@ use needle_studies::reference;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
-const STYLE: [&str; 2] =
-    [include_str!("../assets/report/style.css"), include_str!("../assets/report/accuracy.css")];
+const STYLE: [&str; 2] = [include_str!("../assets/report/style.css"), include_str!("../assets/report/accuracy.css")];
 const SCRIPT: &str = include_str!("../assets/report/accuracy.js");
 
 /// Content of `accuracy.html`.

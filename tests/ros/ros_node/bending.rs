@@ -1,7 +1,7 @@
 //! Where a needle that bends is, on its topics.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::ros::{Peer, coarse_twin, free_domain, joint_state};
+use crate::ros::{Peer, Program, TWIN, free_domain, joint_state};
 use serde_json::{Value, json};
 
 const TOPICS: [(&str, &str); 2] =
@@ -15,7 +15,8 @@ fn place(pose: &Value) -> [f64; 3] {
 fn the_shape_of_a_bent_needle_ends_at_its_tip() {
     let domain = free_domain();
     let bent = [
-        "scene:=needle_insertion",
+        "discretisation.spacing_m:=0.005",
+        "discretisation.edge_refinement:=1.0",
         "discretisation.dimension:=mirrored",
         "instrument.capture_radius_m:=0.001",
         "instrument.flexible:=true",
@@ -26,8 +27,8 @@ fn the_shape_of_a_bent_needle_ends_at_its_tip() {
         "instrument.bevel_force_n:=0.002",
         "tissue_rate_hz:=100.0",
     ];
-    let arguments: Vec<&str> = bent.iter().flat_map(|key| ["-p", *key]).collect();
-    let node = coarse_twin(domain, &arguments, &[]);
+    let keys: Vec<&str> = bent.iter().flat_map(|key| ["-p", *key]).collect();
+    let node = Program::start(TWIN, &[&["--scene", "needle_insertion", "--ros-args"][..], &keys].concat(), domain, &[]);
     let mut peer = Peer::start(domain);
     for (topic, kind) in TOPICS {
         peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind}));
