@@ -1,5 +1,5 @@
 //! Contract of `needle_twin plan`: the tip ends where the target is by then, also of a needle that bends, and what can't be planned is refused.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use assert_cmd::Command;
 use needle_core::scene::file::load;

@@ -116,7 +116,7 @@ proptest! {
 
     /// The work of a slowly growing force is the energy that the rod has: none is created.
     #[test]
-    fn the_work_of_a_force_is_stored(angle in 0.0..6.28_f64, share in 0.1..2.0_f64) {
+    fn the_work_of_a_force_is_stored(angle in 0.0..6.2_f64, share in 0.1..2.0_f64) {
         let full = share * STEEL.bending_stiffness() / LENGTH.powi(2);
         let mut rod = rod(40);
         let (mut work, mut last) = (0.0, rod.at(LENGTH));
