@@ -4,7 +4,6 @@ use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
 use super::options::{SetOptions, ThreadOptions};
@@ -13,7 +12,7 @@ use super::summary::screen;
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_core::scene::Scene;
 use needle_estimate::plan::{Direction, End, Plan, PlanError, Wanted, check, plan};
-use needle_report::ReportError;
+use needle_report::{ReportError, plan_json};
 
 /// Plan an insertion: entry point, direction and depth that bring a needle's tip to a target which moves with the tissue
 ///
@@ -106,7 +105,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         fs::write(path, found.scene.to_toml()).map_err(file)?;
     }
     if arguments.json {
-        print(&format!("{:#}\n", as_json(&found, &wanted)))?;
+        print(&format!("{:#}\n", plan_json(&found, &wanted)))?;
     } else {
         print(&summary(&found, &wanted))?;
     }
@@ -191,37 +190,6 @@ fn summary(plan: &Plan, wanted: &Wanted) -> String {
         ));
     }
     screen(&lines)
-}
-
-fn as_json(plan: &Plan, wanted: &Wanted) -> Value {
-    let end = |end: &End| {
-        json!({
-            "entry_m": end.entry_m,
-            "depth_m": end.depth_m,
-            "tip_m": end.tip_m,
-            "target_m": end.target_m,
-            "miss_m": end.miss_m,
-            "clearance_m": end.clearance_m.is_finite().then_some(end.clearance_m),
-            "peak_n": end.peak_n,
-        })
-    };
-    json!({
-        "target": wanted.target,
-        "tilt_rad": plan.direction.tilt,
-        "azimuth_rad": plan.direction.azimuth,
-        "roll_rad": plan.direction.roll,
-        "plan": end(&plan.end),
-        "straight": end(&plan.straight),
-        "runs": plan.tries,
-        "radius_m": wanted.radius_m,
-        "met": plan.end.miss_m <= wanted.radius_m,
-        "risk": plan.spread.as_ref().map(|spread| json!({
-            "members": spread.miss_m.len() + spread.lost,
-            "lost": spread.lost,
-            "probability": spread.probability,
-            "miss_m": spread.miss_m,
-        })),
-    })
 }
 
 impl From<PlanError> for CliError {

@@ -29,6 +29,7 @@ mod page;
 mod phases;
 mod picture;
 mod place;
+mod plan_json;
 mod plot;
 #[cfg(feature = "plots")]
 mod raster;
@@ -58,6 +59,7 @@ pub use layers_json::{layers_json, write_layers};
 pub use marker_fit::{marker_fit_json, write_marker_fit};
 pub use metrics::metrics_json;
 pub use page::report_html;
+pub use plan_json::plan_json;
 pub use regions::colour as region_colour;
 pub use vtu::{clear_series, final_vtu, write_series};
 
