@@ -65,6 +65,16 @@ fn the_list_of_software_of_others_is_of_this_lock_file() {
     assert!(rows > 200 && page.contains("| nalgebra | ") && !page.contains("| proptest | "), "{rows} rows");
 }
 
+/// Package and archive of the programs that are tested, uncompressed, and what was said.
+fn packed() -> (tempfile::TempDir, std::process::Output) {
+    let folder = tempfile::tempdir().unwrap();
+    let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
+    let environment = [("BUILT", built.to_str().unwrap()), ("COMPRESSION", "none")];
+    let made = script("deb", &[folder.path().to_str().unwrap()], &environment);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    (folder, made)
+}
+
 /// What an administrator finds after `dpkg -i`; skipped where there is no dpkg-deb.
 #[test]
 fn the_package_holds_programs_pages_completions_and_licences() {
@@ -72,11 +82,7 @@ fn the_package_holds_programs_pages_completions_and_licences() {
     {
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
-    let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
-    let environment = [("BUILT", built.to_str().unwrap()), ("COMPRESSION", "none")];
-    let made = script("deb", &[folder.path().to_str().unwrap()], &environment);
-    assert!(made.status.success(), "{}", text(&made.stderr));
+    let (folder, made) = packed();
     let package = text(&made.stdout).trim().to_owned();
     let root = folder.path().join("root");
     let unpacked = Command::new("dpkg-deb").args(["-R", &package, root.to_str().unwrap()]).status().unwrap();
@@ -124,11 +130,7 @@ fn the_archive_holds_programs_that_name_what_is_linked() {
     if !["dpkg-deb", "strip", "objcopy", "python3", "tar"].into_iter().all(have) {
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
-    let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
-    let environment = [("BUILT", built.to_str().unwrap()), ("COMPRESSION", "none")];
-    let made = script("deb", &[folder.path().to_str().unwrap()], &environment);
-    assert!(made.status.success(), "{}", text(&made.stderr));
+    let (folder, made) = packed();
     let archive = text(&made.stderr).lines().last().unwrap().trim().to_owned();
     assert!(archive.ends_with(".tar.gz"), "{archive}");
     let unpacked = Command::new("tar").args(["-xzf", &archive]).current_dir(folder.path()).status().unwrap();

@@ -90,7 +90,7 @@ impl Lattice {
             && self.corners(at).iter().all(|&p| room.is_clear(p, at_corner) && room.takes(p))
     }
 
-    /// Whether a place lies in the circumsphere of one of these bricks: of the one that it is in, or of one beside that.
+    /// Whether a place lies in the circumsphere of one of these bricks: of the one that it is in, or of a neighbour.
     fn holds(&self, filled: &BTreeSet<[u32; 3]>, p: Point) -> bool {
         let own = [0, 1, 2].map(|k| ((p[k] - self.low[k]) / self.extent[k] * f64::from(self.count[k])).max(0.0) as u32);
         let beside = (0..27).map(|n| [n % 3, n / 3 % 3, n / 9]);

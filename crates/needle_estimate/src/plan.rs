@@ -346,16 +346,11 @@ fn clearance(twin: &Twin, wanted: &Wanted, straight: &Pose) -> f64 {
 /// The insertions of an ensemble's members.
 fn spread(planned: &Scene, wanted: &Wanted, target: usize, cancel: &Cancel) -> Result<Spread, PlanError> {
     let members = members(planned, Size { members: wanted.members, seed: 1 })?;
+    let alone = |scene: &Scene| insert(&Twin::new(scene)?, wanted, target, cancel);
     let run = |scene: &Scene| -> Result<Option<f64>, PlanError> {
         // each member has a thread of its own
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let outcome = match pool {
-            Ok(pool) => pool.install(|| {
-                Twin::new(scene).map_err(PlanError::from).and_then(|twin| insert(&twin, wanted, target, cancel))
-            }),
-            Err(_) => Twin::new(scene).map_err(PlanError::from).and_then(|twin| insert(&twin, wanted, target, cancel)),
-        };
-        match outcome {
+        match pool.map_or_else(|_| alone(scene), |pool| pool.install(|| alone(scene))) {
             Ok(end) => Ok(Some(end.miss_m)),
             Err(PlanError::Interrupted) => Err(PlanError::Interrupted),
             Err(_) => Ok(None),

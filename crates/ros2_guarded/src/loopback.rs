@@ -42,7 +42,7 @@ pub(super) fn is_patched() -> bool {
     own_addresses::looks() != before
 }
 
-/// Headers of IP, UDP and RTPS in front of a message, and what RustDDS puts beside it, bytes.
+/// Headers of IP, UDP and RTPS in front of a message, and what RustDDS adds, bytes.
 const HEADERS: usize = 132;
 
 /// Largest message that reaches Fast DDS on another machine, bytes: RustDDS cuts longer ones into DATA_FRAGs that Fast DDS rejects

@@ -22,7 +22,7 @@
 
 use crate::scene::Needle;
 
-/// Way back from the deepest point on which the push ends, over the needle's radius: what was cut lets go.
+/// Retraction from the deepest point over which the push ends, over the needle's radius: what was cut lets go.
 const LETS_GO: f64 = 0.1;
 /// Layers that a face reaches over, at least.
 const FEWEST_LAYERS: f64 = 2.0;

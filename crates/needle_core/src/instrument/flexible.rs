@@ -1,19 +1,19 @@
 //! A shaft that bends: an elastic rod ([`elastic_rod`]), clamped in the driver, that the tissue holds along its length.
 //!
-//! Rod and tissue take turns, on each twentieth of a radius of way. The tissue holds the rod with the force f_i of each layer of nodes
+//! Rod and tissue take turns, on each twentieth of a radius of travel. The tissue holds the rod with the force f_i of each layer of nodes
 //! that the needle holds, at the shape x_old that those nodes were moved to; how that force changes with the shape is taken to be a foundation,
 //!
 //! ```text
 //! f_i(x) = f_i - k_i P (x - x_old - v_i d)    k_i = c mu h    h: length of the layer along the shaft, P: across the needle
 //! ```
 //!
-//! so the rod finds its next shape beside springs. v_i is how far the shaft has gone sideways at the layer per way of the driver, learnt on the way,
-//! and d the way since: a needle that goes on as it did has no lag. Where rod and tissue rest, x = x_old, and k_i has no part in it: it only says how
-//! fast they come there. c is some 15 times what a rigid rod in a wide block has (4 pi / ln of some hundred), since tissue that has just been moved
+//! so the rod finds its next shape beside springs. v_i is how far the shaft has gone sideways at the layer per travel of the driver, learnt as it goes,
+//! and d the travel since: a needle that goes on as it did has no lag. Where rod and tissue rest, x = x_old, and k_i has no part in it: it only says how
+//! fast they come there. c is some 20 times what a rigid rod in a wide block has (4 pi / ln of some hundred), since tissue that has just been moved
 //! resists by its inertia as well: with 20 the shape oscillates.
 //!
 //! Material that the tip has passed keeps its place at the shaft ([`super::needle`], [`super::frictional`]): the channel is where the tip has been, not
-//! the scene's straight path. A layer of the path's nodes stands for tissue at the channel, however far that is beside the path.
+//! the scene's straight path. A layer of the path's nodes stands for tissue at the channel, however far that is from the path.
 
 use crate::scene::Needle;
 use elastic_rod::{Clamp, Force, Rod, Spring};
@@ -25,9 +25,9 @@ use super::Tip;
 const SEGMENTS: usize = 80;
 /// c of k_i.
 const FOUNDATION: f64 = 60.0;
-/// Way of the driver on which the rate is learnt, over the radius of the needle.
+/// Travel of the driver on which the rate is learnt, over the radius of the needle.
 const LEARNING: f64 = 0.5;
-/// Way between two looks at the tissue's force over the radius of the needle, and most poses between two: tissue that has just been moved needs
+/// Travel between two looks at the tissue's force over the radius of the needle, and most poses between two: tissue that has just been moved needs
 /// some steps before its force says how it holds the needle.
 const LOOKS_APART: f64 = 0.05;
 const MOST_POSES: u32 = 8;
@@ -95,7 +95,7 @@ cloned_field_by_field! {
         holds: Reserved<Hold>,
         /// v of each layer.
         rate: Vec<[f64; 2]>,
-        /// Way of the driver on which it is learnt, and that between two looks, m.
+        /// Travel of the driver on which it is learnt, and that between two looks, m.
         learning: f64,
         apart: f64,
         /// d, and poses since the last look.

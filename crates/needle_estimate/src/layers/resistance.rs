@@ -109,7 +109,7 @@ fn of_one_insertion(layer: &mut Layer, i: usize, fit: &Fit, first: &[Reading], d
     if i + 1 == fit.layers {
         let end = first.last().map_or(0.0, |r| r[1]);
         let friction = fit.on_the_way_out(end - fit.pushed_m(end, diameter));
-        // the needle may have left the channel's end before: along no more than the way of the turn
+        // the needle may have left the channel's end before: along no more than the travel of the turn
         let turn = 0.5 * layer.friction_n_per_m.value * fit.turn_m(end);
         let friction = Known { standard_error: friction.standard_error.hypot(turn), ..friction };
         layer.cutting_force_n = before(first, end, diameter, TURNS).and_then(|force| less(force, friction));

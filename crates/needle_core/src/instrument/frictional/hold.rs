@@ -77,7 +77,7 @@ impl Frictional {
         if before == Grip::Free {
             self.progress.beside[layer] = self.axis_at(tip, vertical);
         }
-        let above = layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
+        let above = self.above(layer);
         let (gap, passed) = (z - above, ((self.progress.shoulder - above) / (z - above)).clamp(0.0, 1.0));
         // tissue beside a bevel is held where that pushes it, once the full section is there
         let passed = self.bevel.as_ref().map_or(passed, |bevel| bevel.passed(self.progress.tip, z));

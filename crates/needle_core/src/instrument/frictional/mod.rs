@@ -193,8 +193,7 @@ impl Frictional {
             if let Some(bevel) = &self.bevel {
                 let [tip, front, z] = [self.progress.tip, self.progress.front, self.shaft.depths[layer]];
                 let p = bevel.passed(tip, z);
-                let gap = z - layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
-                let push = bevel.on_layer(layer, p, gap, front - tip, self.progress.roll);
+                let push = bevel.on_layer(layer, p, z - self.above(layer), front - tip, self.progress.roll);
                 if p < 1.0 {
                     return flexible::Held {
                         layer,
@@ -212,6 +211,11 @@ impl Frictional {
         let tip = bending.tip(straight);
         self.progress.bending = Some(bending);
         tip
+    }
+
+    /// Depth of the layer above one, m; of the uppermost a little less than its own.
+    fn above(&self, layer: usize) -> f64 {
+        layer.checked_sub(1).map_or(self.shaft.depths[layer] - 1e-6, |k| self.shaft.depths[k])
     }
 
     /// Lateral place of the needle's axis at a depth below the top, m.
