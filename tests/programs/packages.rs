@@ -66,7 +66,7 @@ fn the_list_of_software_of_others_is_of_this_lock_file() {
 }
 
 /// Package and archive of the programs that are tested, uncompressed, and what was said.
-fn packed() -> (tempfile::TempDir, std::process::Output) {
+fn packed() -> (tempfile::TempDir, Output) {
     let folder = tempfile::tempdir().unwrap();
     let built = Path::new(env!("CARGO_BIN_EXE_needle_twin")).parent().unwrap();
     let environment = [("BUILT", built.to_str().unwrap()), ("COMPRESSION", "none")];
