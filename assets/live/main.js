@@ -126,6 +126,7 @@ function takeFigures(f) {
     const [unit, factor] = Math.abs(p.predicted_n) < 1 ? ['mN', 1e3] : ['N', 1];
     show('force', `${newtons(factor * p.predicted_n)} ${unit}`);
     show('measured', p.measured_n === null ? 'no load cell heard' : `measured ${newtons(factor * p.measured_n)}, residual ${newtons(factor * (p.predicted_n - p.measured_n))} ${unit}`);
+    show('spring', f.spring ? `so far ${f.spring}` : '');
     show('depth', `${minus((1e3 * p.depth_m).toFixed(2))} mm`);
     show('time', `at ${p.time_s.toFixed(1)} s of this run`);
   }

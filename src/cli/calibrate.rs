@@ -10,7 +10,7 @@ use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::{Progress, Runs};
 use super::recorded::{RecordedOptions, positive};
-use super::replay::refuse_mistaken;
+use super::replay::refuse;
 use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, layers, print, scene_file, warn};
 use needle_core::scene::Scene;
@@ -18,9 +18,11 @@ use needle_estimate::calibrate::{
     self, Alternative, Assumption, Calibration, Estimate, HoldOut, LoadCell, MarkerFit, MarkerTask, Prediction, Task,
     Wanted, alternatives, calibrate,
 };
+use needle_estimate::compare::scale::mistaken;
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_estimate::compare::{self, Explains};
 use needle_estimate::layers::of_recording;
+use needle_estimate::prior::{self, Prior};
 use needle_recording::Recording;
 
 /// Find the values of scene keys with which the twin's force comes nearest to the recorded one, and say how sure they are
@@ -33,6 +35,10 @@ pub(super) struct Arguments {
     /// instrument.deformation_coefficient=0.2..0.8 (may be repeated; the search begins at the scene's value)
     #[arg(long, value_name = "KEY[=LOW..HIGH]", required_unless_present = "layers", num_args = 1.., value_parser = Wanted::parse, help_heading = "Fit")]
     fit: Vec<Wanted>,
+
+    /// What earlier recordings have taught (`forecast --write-prior`): their law of tissue, whose factor is fitted in place of the modulus
+    #[arg(long, value_name = "FILE", help_heading = "Fit")]
+    prior: Option<PathBuf>,
 
     /// Instead: friction, cutting and puncture forces of so many layers and where they begin, straight from a recording of an insertion,
     /// the way out and a second insertion (one that goes as deep); no run of the twin, and depth 0 is the surface
@@ -270,13 +276,22 @@ fn found(
     measured.loss().iter().for_each(|loss| warn(loss));
     let twin =
         needle_core::twin::Twin::new(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    refuse_mistaken(&twin, recording, &readings, &measured, arguments.recorded.force, &progress)?;
+    let found = mistaken(&twin, &readings, &measured, Some(recording));
+    refuse(found, arguments.recorded.force, &progress)?;
     drop(twin);
+    let prior = arguments.prior.as_deref().map(Prior::read).transpose()?.unwrap_or_default();
+    let taught = prior::law(&prior.samples.iter().collect::<Vec<_>>(), scene, &arguments.fit)?;
+    match &taught {
+        Some(taught) => progress.warn(&format!("law of tissue: {}", taught.words)),
+        None if arguments.prior.is_some() => warn("--prior teaches no law for this scene and these keys"),
+        None => {}
+    }
+    let (scene, wanted) = taught.as_ref().map_or((scene, &arguments.fit), |taught| (&taught.scene, &taught.wanted));
     let task = Task {
         scene,
         readings: &readings,
         measured: &measured,
-        wanted: &arguments.fit,
+        wanted,
         load_cell: match arguments.load_cell {
             Cell::Auto => LoadCell::Auto,
             Cell::Drift => LoadCell::Drift,

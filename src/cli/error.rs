@@ -10,6 +10,7 @@ use needle_estimate::calibrate::CalibrateError;
 use needle_estimate::compare::ensemble::EnsembleError;
 use needle_estimate::layers::LayersError;
 use needle_estimate::plan::PlanError;
+use needle_estimate::prior::PriorError;
 use needle_recording::RecordingError;
 use needle_report::ReportError;
 use needle_studies::accuracy::StudyError;
@@ -99,6 +100,9 @@ pub(crate) enum CliError {
     /// The output can't be written.
     #[error(transparent)]
     Report(#[from] ReportError),
+    /// What earlier recordings have taught can't be read or written.
+    #[error("prior {0}")]
+    Prior(#[from] PriorError),
     /// The threads can't be started.
     #[error("can't start {threads} threads: {source}; give fewer with --threads")]
     Threads {

@@ -19,7 +19,8 @@ use needle_estimate::calibrate::{LoadCell, Wanted};
 use needle_estimate::compare::scale::mistaken;
 use needle_estimate::compare::{Cancel, Curve};
 use needle_estimate::forecast::{self, Blind, Of, Prediction, default_keys};
-use needle_estimate::learnt_law::{self, Fits};
+use needle_estimate::learnt_law;
+use needle_estimate::prior::{self, Prior, Sample};
 use needle_recording::{At, Recording};
 use needle_report::{Forecasted, forecast_json};
 
@@ -60,10 +61,18 @@ pub(super) struct Arguments {
     #[command(flatten)]
     sources: SourceOptions,
 
-    /// Where the law of tissue comes from: with three recordings or more, a neo-Hookean scene gets a stiffening law that the whole of the
-    /// other recordings fit best, if it fits them much better
+    /// What other recordings teach: with three or more, a neo-Hookean scene gets a stiffening law that the whole of the others fit best, if
+    /// it fits them much better, and what the twin still lacks there is added to its force
     #[arg(long, value_enum, default_value_t = Law::Learnt, help_heading = "Fit")]
     law: Law,
+
+    /// What earlier recordings have taught, beside the ones given here
+    #[arg(long, value_name = "FILE", help_heading = "Fit")]
+    prior: Option<PathBuf>,
+
+    /// Write what all recordings teach into this file, for --prior
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    write_prior: Option<PathBuf>,
 
     /// Go on where units, signs or scene of a recording look wrong
     #[arg(long, help_heading = "Run")]
@@ -123,21 +132,23 @@ struct Made {
     losses: Vec<String>,
 }
 
-/// What the whole of a recording says of laws, and the scene it is of.
-struct Taught {
-    scene: String,
-    fits: Fits,
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let names = names(&arguments.recordings);
     let interrupt = Interrupt::listen();
     let cancel = interrupt.cancel();
     let bar = Bar::new(names.len() as u64, "recordings");
-    let taught = arguments.threads.install(|| arguments.taught(cancel))?;
+    let earlier = arguments.prior.as_deref().map(Prior::read).transpose()?.unwrap_or_default();
+    let taught = arguments.threads.install(|| arguments.taught(&names, &earlier, cancel))?;
+    if let Some(path) = &arguments.write_prior {
+        let samples = earlier.samples.iter().chain(taught.iter().flatten()).cloned().collect();
+        Prior { samples }.write(path)?;
+    }
     let one = |(i, (path, name)): (usize, (&PathBuf, &String))| -> Result<Made, CliError> {
-        let others: Vec<&Taught> = (0..taught.len()).filter(|k| *k != i).filter_map(|k| taught[k].as_ref()).collect();
+        let here = (0..taught.len()).filter(|k| *k != i).filter_map(|k| taught[k].as_ref());
+        // its own rest teaches it nothing
+        let itself = |sample: &&Sample| taught[i].as_ref().is_some_and(|own| own.curve == sample.curve);
+        let others: Vec<&Sample> = earlier.samples.iter().filter(|sample| !itself(sample)).chain(here).collect();
         let made = arguments.made(path, name, &others, cancel);
         if let (Some(folder), Ok(prediction)) = (&folder, &made.prediction) {
             needle_report::write_prediction(&folder.path, name, prediction)?;
@@ -191,7 +202,7 @@ impl Whole {
 
 impl Arguments {
     fn open(&self, path: &Path) -> Result<Recording, String> {
-        let selection = self.sources.selection(self.topics.names());
+        let selection = self.topics.selection(&self.sources);
         Recording::open(&[path.to_owned()], &selection).map_err(|e| CliError::from(e).to_string())
     }
 
@@ -206,29 +217,25 @@ impl Arguments {
         if self.fit.is_empty() { default_keys(scene) } else { self.fit.clone() }
     }
 
-    /// What the whole of each recording says of laws; nothing of those that can't be fitted, or where no law is to be learnt.
-    fn taught(&self, cancel: &Cancel) -> Vec<Option<Taught>> {
+    /// What the whole of each recording says; nothing where it teaches no other. Laws are fitted to some, evenly spread.
+    fn taught(&self, names: &[String], earlier: &Prior, cancel: &Cancel) -> Vec<Option<Sample>> {
         let many = self.recordings.len();
         let stride = many.div_ceil(learnt_law::MOST);
-        let one = |(i, path): (usize, &PathBuf)| -> Option<Taught> {
-            if self.law == Law::Scene || many <= learnt_law::FEWEST || i % stride != 0 {
+        let one = |(i, path): (usize, &PathBuf)| -> Option<Sample> {
+            let teaches = many + earlier.samples.len() > learnt_law::FEWEST && self.law == Law::Learnt;
+            if !teaches && self.write_prior.is_none() {
                 return None;
             }
             let recording = self.open(path).ok()?;
             let scene = self.scene_of(&recording).ok()?;
-            let keys = self.keys(&scene);
-            if !learnt_law::is_open(&scene, &keys) {
-                return None;
-            }
             let by_pose = self.topics.readings(&recording).iter().any(|r| matches!(r.at, At::Pose(_)));
-            let fits =
-                learnt_law::fits(&recording, &scene, &keys, LoadCell::Offset, by_pose, &mut cancel.clone()).ok()?;
-            Some(Taught { scene: scene.name, fits })
+            let (keys, laws) = (self.keys(&scene), i % stride == 0);
+            prior::sample(&recording, &names[i], &scene, &keys, by_pose, laws, &mut cancel.clone())
         };
         self.recordings.par_iter().enumerate().map(one).collect()
     }
 
-    fn made(&self, path: &Path, name: &str, others: &[&Taught], cancel: &Cancel) -> Made {
+    fn made(&self, path: &Path, name: &str, others: &[&Sample], cancel: &Cancel) -> Made {
         let mut made = Made {
             name: name.to_owned(),
             scene: String::new(),
@@ -244,7 +251,7 @@ impl Arguments {
         &self,
         path: &Path,
         made: &mut Made,
-        others: &[&Taught],
+        others: &[&Sample],
         cancel: &Cancel,
     ) -> Result<Prediction, String> {
         let recording = self.open(path)?;
@@ -255,12 +262,7 @@ impl Arguments {
         let begun = recording.aligned(&scene);
         let readings = self.topics.readings(&begun);
         let by_pose = readings.iter().any(|r| matches!(r.at, At::Pose(_)));
-        let depth = |at: At| match at {
-            At::Depth(depth_m) => depth_m,
-            At::Pose(pose) => twin.depth_of(&pose),
-        };
-        let depths: Vec<f64> = readings.iter().map(|r| depth(r.at)).collect();
-        let foreign = recording.scene.clone();
+        let depths = prior::depths(&twin, &readings);
         let blind =
             Blind::new(recording, &readings, &depths, self.fit_to, self.of.into()).map_err(|e| e.to_string())?;
         let known = blind.recording().aligned(&scene).measured();
@@ -269,7 +271,7 @@ impl Arguments {
         }
         // the part that may be looked at
         let shown: Vec<_> = readings.iter().copied().take_while(|r| r.time_s <= blind.cut_s).collect();
-        if let Some(what) = mistaken(&twin, &shown, &known, foreign.as_deref()).filter(|_| !self.force) {
+        if let Some(what) = mistaken(&twin, &shown, &known, Some(blind.recording())).filter(|_| !self.force) {
             return Err(format!("{what}; --force goes on all the same"));
         }
         drop(twin);
@@ -280,19 +282,18 @@ impl Arguments {
                 scene.name
             ));
         }
-        let fits: Vec<&Fits> =
-            others.iter().filter(|taught| taught.scene == scene.name).map(|taught| &taught.fits).collect();
-        let (mut scene, mut samples) = (scene, Vec::new());
-        if let Some(learnt) = learnt_law::learnt(&fits).filter(|_| learnt_law::is_open(&scene, &keys)) {
-            made.law = Some(learnt.words());
-            samples = learnt.samples(&scene).map_err(|e| e.to_string())?;
-            keys = learnt.wanted(&keys, &scene);
-            scene = learnt.scene(&scene).map_err(|e| e.to_string())?;
+        let alike = || others.iter().filter(|taught| taught.scene == scene.name && self.law == Law::Learnt).copied();
+        let curves: Vec<&Curve> = alike().map(|taught| &taught.curve).collect();
+        let taught = prior::law(&alike().collect::<Vec<_>>(), &scene, &keys).map_err(|e| e.to_string())?;
+        let mut scene = scene.clone();
+        if let Some(taught) = taught {
+            made.law = Some(taught.words);
+            (scene, keys) = (taught.scene, taught.wanted);
         }
         let mut watch = cancel.clone();
         // the tissue's relaxation would be taken for a drift, and carried on
         let load_cell = LoadCell::Offset;
-        forecast::predict(&blind, &scene, &keys, load_cell, by_pose, &samples, &mut watch, &mut |_| {})
+        forecast::predict(&blind, &scene, &keys, load_cell, by_pose, &curves, &mut watch, &mut |_| {})
             .map_err(|e| e.to_string())
     }
 
@@ -329,55 +330,7 @@ impl Arguments {
 }
 
 fn summary(all: &[Forecasted], files: &[PathBuf]) -> String {
-    let mut lines = Vec::new();
-    for one in all {
-        let Some((prediction, judged)) = &one.made else {
-            lines.push(("failed", one.name.clone()));
-            continue;
-        };
-        let found: Vec<String> = prediction.calibration.estimates[..prediction.calibration.keys]
-            .iter()
-            .map(|e| format!("{} {:.5e}", e.name, e.value))
-            .collect();
-        lines.push((
-            "forecast",
-            format!("{}, scene {}, after {}: {}", one.name, one.scene, prediction.words, found.join(", ")),
-        ));
-        lines.extend(one.law.iter().map(|law| ("law", law.clone())));
-        if let Some(standing) = &judged.standing {
-            let share = |n: f64| if judged.peak_n > 0.0 { 100.0 * n / judged.peak_n } else { 0.0 };
-            let models: Vec<String> = std::iter::once(("twin", standing.twin_rmse_n))
-                .chain(standing.baselines.iter().map(|b| (b.name.as_str(), b.rmse_n)))
-                .map(|(name, rmse)| format!("{name} {:.1} %", share(rmse)))
-                .collect();
-            lines.push((
-                "error",
-                format!(
-                    "{} of the peak {:.4} N (root mean square, {} readings)",
-                    models.join(", "),
-                    judged.peak_n,
-                    standing.readings
-                ),
-            ));
-            let coverage = judged
-                .coverage
-                .map_or_else(String::new, |c| format!("; its band holds {:.0} % of the readings", 1e2 * c));
-            lines.push(("verdict", format!("{} than the best baseline{coverage}", against(standing))));
-        }
-    }
-    if all.len() > 1 {
-        lines.extend(needle_report::forecast_totals(all).into_iter().map(|line| ("all", line)));
-    }
+    let mut lines = needle_report::forecast_lines(all);
     lines.extend(files.first().map(|first| ("files", written(first, files))));
     screen(&lines)
-}
-
-fn against(standing: &needle_estimate::baseline::Standing) -> &'static str {
-    use needle_estimate::baseline::Against;
-    match standing.against() {
-        Against::Better => "better",
-        Against::AsGood => "no better and no worse",
-        Against::Worse => "worse",
-        Against::NoMeasurement => "not comparable",
-    }
 }

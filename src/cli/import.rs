@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::recorded::SourceOptions;
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
-use needle_recording::{Column, Extent, Import, Table, TopicNames};
+use needle_recording::{Column, Extent, Import, Imported, Table, TopicNames};
 
 /// Make a bag of tables (CSV, TSV, .xlsx, .npy, .npz), or of a bag with other topics and units
 ///
@@ -53,15 +53,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     sources.force_topic = sources.force_topic.or_else(|| arguments.force_column.clone());
     let said = sources.selection(TopicNames::default());
     let import = Import::open(&arguments.files, &said)?;
-    let told = import.told();
-    told.warnings.iter().for_each(|text| warn(text));
-    told.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    import.told().warnings.iter().for_each(|text| warn(text));
     let bag = arguments.out.as_deref().filter(|_| !arguments.dry_run);
-    let (extents, made) = import.write(bag, arguments.scene.as_deref())?;
-    let files: Vec<PathBuf> = made.iter().map(|made| made.folder.clone()).collect();
-    let said = if arguments.json { json_of(&import, &extents, &files) } else { text_of(&import, &extents, &files) };
-    print(&said)?;
-    Ok(if told.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+    let import = import.write(bag, arguments.scene.as_deref())?;
+    import.told.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    let files: Vec<PathBuf> = import.written.iter().map(|made| made.folder.clone()).collect();
+    print(&if arguments.json { json_of(&import, &files) } else { text_of(&import, &files) })?;
+    Ok(if import.told.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
 }
 
 /// Each column with what it is taken for.
@@ -76,7 +74,7 @@ fn columns(table: &Table) -> Vec<(&'static str, &Column)> {
     all
 }
 
-fn text_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
+fn text_of(import: &Imported, files: &[PathBuf]) -> String {
     let mut lines = Vec::new();
     for table in &import.tables {
         lines.push(("table", format!("{}: {}, {} rows", table.file, table.layout, table.rows)));
@@ -87,7 +85,7 @@ fn text_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
             lines.push((what, format!("column {} `{name}`, in {unit}{zero}{sign}", index + 1)));
         }
     }
-    for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in extents {
+    for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in &import.extents {
         let [low, high] = [low + 0.0, high + 0.0]; // no -0
         lines.push((what, format!("{samples} readings from {a:.3} to {b:.3} s, from {low:.6} to {high:.6} {unit}")));
     }
@@ -99,13 +97,13 @@ fn text_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
     text
 }
 
-fn json_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
+fn json_of(import: &Imported, files: &[PathBuf]) -> String {
     let column = |(what, c): (&str, &Column)| json!({ "what": what, "column": c.index + 1, "header": c.name, "unit": c.unit, "si_per_unit": c.scale, "zero": c.zero });
     let table = |t: &Table| {
         let taken: Vec<Value> = columns(t).into_iter().map(column).collect();
         json!({ "file": t.file, "layout": t.layout, "rows": t.rows, "rows_without_numbers": t.bad, "columns": taken })
     };
-    let series = extents.iter().map(|e| {
+    let series = import.extents.iter().map(|e| {
         json!({ "what": e.what, "readings": e.samples, "from_s": e.from_to_s[0], "to_s": e.from_to_s[1],
                 "least": e.range[0], "largest": e.range[1], "unit": e.unit })
     });
@@ -113,8 +111,8 @@ fn json_of(import: &Import, extents: &[Extent], files: &[PathBuf]) -> String {
         "tables": import.tables.iter().map(table).collect::<Vec<_>>(),
         "series": Value::from_iter(series),
         "bag": files.first().map(|f| f.display().to_string()),
-        "losses": import.told().losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "warnings": import.told().warnings,
+        "losses": import.told.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "warnings": import.told.warnings,
     });
     format!("{value:#}\n")
 }

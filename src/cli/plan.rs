@@ -10,7 +10,6 @@ use super::options::{SetOptions, ThreadOptions};
 use super::progress::newtons;
 use super::summary::screen;
 use super::{CliError, Outcome, print, scene_file, warn};
-use needle_core::scene::Scene;
 use needle_estimate::plan::{Direction, End, Plan, PlanError, Wanted, check, plan};
 use needle_report::{ReportError, plan_json};
 
@@ -92,7 +91,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         members: arguments.members,
     };
     check(&scene, &wanted)?;
-    let directions = directions(arguments, &scene);
+    let angles = [&arguments.tilt_rad[..], &arguments.azimuth_rad, &arguments.roll_rad];
+    let directions = Direction::all(&scene, angles);
     let found = arguments.threads.install(|| {
         plan(&scene, &wanted, &directions, interrupt.cancel(), |direction, tries, end| {
             if !arguments.json {
@@ -117,25 +117,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         ));
     }
     Ok(if met { Outcome::Complete } else { Outcome::Lossy })
-}
-
-/// Every combination of the angles.
-fn directions(arguments: &Arguments, scene: &Scene) -> Vec<Direction> {
-    let needle = scene.instrument.as_ref().and_then(|i| i.needle());
-    let or = |given: &[f64], own: f64| if given.is_empty() { vec![own] } else { given.to_vec() };
-    let tilts = or(&arguments.tilt_rad, needle.map_or(0.0, |n| n.tilt.get()));
-    let azimuths = or(&arguments.azimuth_rad, needle.map_or(0.0, |n| n.azimuth.get()));
-    let rolls: Vec<Option<f64>> = match needle.and_then(|n| n.bevel) {
-        Some(bevel) => or(&arguments.roll_rad, bevel.roll.get()).into_iter().map(Some).collect(),
-        None => vec![None],
-    };
-    let mut all = Vec::new();
-    for tilt in &tilts {
-        for azimuth in &azimuths {
-            all.extend(rolls.iter().map(|roll| Direction { tilt: *tilt, azimuth: *azimuth, roll: *roll }));
-        }
-    }
-    all
 }
 
 fn warn_progress(direction: &Direction, tries: u32, end: &End) {

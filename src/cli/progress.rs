@@ -309,6 +309,15 @@ impl Watch for Runs<'_> {
     }
 }
 
+/// A bar of so much work, with the time left; `done` is the template of how much is done.
+pub(super) fn bar(work: u64, done: &str) -> ProgressBar {
+    let bar = ProgressBar::new(work);
+    let style = ProgressStyle::with_template(&format!("{{bar:40}} {done}, {{elapsed}}, {{eta}} left  {{msg}}"));
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(Duration::from_millis(500));
+    bar
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

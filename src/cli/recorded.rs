@@ -49,12 +49,12 @@ impl RecordedOptions {
         let recording = Recording::open(&files, &self.selection())?;
         let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
         let scene = self.set.apply(&scene_file::load(name)?, [])?;
-        Ok((recording.aligned(&scene).into_owned(), scene))
+        Ok((recording.into_aligned(&scene), scene))
     }
 
     /// What was said of the recording.
     pub(super) fn selection(&self) -> Selection {
-        self.sources.selection(self.topics.names())
+        self.topics.selection(&self.sources)
     }
 }
 
@@ -81,10 +81,14 @@ pub(super) struct TopicOptions {
     /// Topic of the load cell, geometry_msgs/WrenchStamped [default: a measured_cf]
     #[arg(long, value_name = "TOPIC", conflicts_with = "force_topic")]
     measured_cf: Option<String>,
+
+    /// Use at most N readings of a series, in less memory: every second, fourth, eighth ... of a longer one [default: all]
+    #[arg(long, value_name = "N", help_heading = "Recording")]
+    most_readings: Option<usize>,
 }
 
 impl TopicOptions {
-    pub(super) fn names(&self) -> TopicNames {
+    fn names(&self) -> TopicNames {
         TopicNames {
             joint_state: self.measured_js.clone(),
             pose: self.measured_cp.clone(),
@@ -94,9 +98,19 @@ impl TopicOptions {
         }
     }
 
+    /// What was said of a recording that is run.
+    pub(super) fn selection(&self, sources: &SourceOptions) -> Selection {
+        Selection { most_readings: self.most_readings, ..sources.selection(self.names()) }
+    }
+
     /// The depths, unless there are none or the pose was asked for by name.
     pub(super) fn readings(&self, recording: &Recording) -> Vec<Reading> {
-        recording.readings(self.measured_cp.is_some() && self.measured_js.is_none())
+        recording.readings(self.by_pose())
+    }
+
+    /// Whether the pose was asked for by name.
+    pub(super) const fn by_pose(&self) -> bool {
+        self.measured_cp.is_some() && self.measured_js.is_none()
     }
 }
 
@@ -325,6 +339,7 @@ impl SourceOptions {
                 block: table.block,
                 sheet: table.sheet.clone(),
             },
+            most_readings: None,
         }
     }
 }

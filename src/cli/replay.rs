@@ -8,12 +8,10 @@ use super::progress::Progress;
 use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
 use needle_core::scene::Scene;
-use needle_core::twin::Twin;
 use needle_estimate::compare::ensemble::Driven;
-use needle_estimate::compare::placement::{never_touched, unreached};
-use needle_estimate::compare::scale::mistaken;
+use needle_estimate::compare::scale::{mistaken, untared};
 use needle_estimate::compare::{Finished, Keep, Run, Session, Watch as _};
-use needle_recording::{ForceSeries, Reading, Recording};
+use needle_recording::{Reading, Recording};
 
 /// Run the recorded motion of a bag or table and compare with its load cell: one message at a time, as fast as the machine
 /// allows; the same bag, scene and settings give the same checksum
@@ -39,32 +37,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let (recording, scene) = arguments.recorded.load()?;
     let members = arguments.members.draw(&scene)?;
     let folder = output::prepare(&arguments.output)?;
-    let readings = arguments.recorded.topics.readings(&recording);
-    let keep = arguments.series.keep(folder.is_some(), duration_s(&readings))?;
+    let by_pose = arguments.recorded.topics.by_pose();
+    let keep = arguments.series.keep(folder.is_some(), recording.duration_s(by_pose))?;
     let forced = arguments.recorded.force;
-    let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep, forced, members.as_ref()))??;
+    let run = arguments.threads.install(|| replay(&scene, recording, by_pose, keep, forced, members.as_ref()))??;
     output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)
 }
 
 /// Plays a recording offline as another command (`demo --no-dds`), fields and all.
 #[cfg(feature = "ros")]
-pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
-    let readings = recording.readings(false);
-    let keep = Keep { fields: true, duration_s: duration_s(&readings), save_every_s: None };
-    let mut run = replay(scene, recording, readings, keep, false, None)?;
+pub(super) fn offline(scene: &Scene, recording: Recording, command: &str) -> Result<Run, CliError> {
+    let keep = Keep { fields: true, duration_s: recording.duration_s(false), save_every_s: None };
+    let mut run = replay(scene, recording, false, keep, false, None)?;
     command.clone_into(&mut run.command);
     Ok(run)
 }
 
-/// Time from the first reading to the last, s.
-fn duration_s(readings: &[Reading]) -> Option<f64> {
-    readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s)
-}
-
 fn replay(
     scene: &Scene,
-    recording: &Recording,
-    readings: Vec<Reading>,
+    mut recording: Recording,
+    by_pose: bool,
     keep: Keep,
     forced: bool,
     members: Option<&Drawn>,
@@ -75,16 +67,23 @@ fn replay(
     }
     let session = Session::new(scene, "replay", keep);
     let session = session.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    session.twin().warnings().iter().for_each(|warning| progress.warn(warning));
-    let measured = recording.measured();
-    refuse_mistaken(session.twin(), recording, &readings, &measured, forced, &progress)?;
-    progress.count(readings.len());
-    let session = session.of_recording(recording, &measured);
-    let Finished { mut run, answered, twin } = session.run(readings.iter().copied(), &mut progress);
+    let twin = session.twin();
+    twin.warnings().iter().for_each(|warning| progress.warn(warning));
+    // a recording of millions of readings is in memory once
+    let measured = recording.take_measured();
+    let readings = || recording.each_reading(by_pose);
+    let some = recording.some_readings(by_pose);
+    let found = mistaken(twin, &some, &measured, Some(&recording)).or_else(|| untared(twin, &some, &measured));
+    refuse(found, forced, &progress)?;
+    drop(some);
+    progress.count(readings().len());
+    let session = session.of_recording(&recording, &measured);
+    let Finished { mut run, answered, twin } = session.run(readings(), &mut progress);
     progress.finish();
     let cancel = progress.cancel().clone();
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
+        let readings: Vec<Reading> = readings().collect();
         members.add(
             &mut run,
             scene,
@@ -95,24 +94,8 @@ fn replay(
     Ok(run)
 }
 
-/// Refuses a recording whose units, signs or scene are likely wrong, before any time is spent on it; says it only if `forced`.
-pub(super) fn refuse_mistaken(
-    twin: &Twin,
-    recording: &Recording,
-    readings: &[Reading],
-    measured: &ForceSeries,
-    forced: bool,
-    progress: &Progress,
-) -> Result<(), CliError> {
-    let found = mistaken(twin, readings, measured, recording.scene.as_deref());
-    let [m_per_number, zero] = recording.position_scale;
-    // the same with the number that the user's sensor shows
-    let found = found.map(|what| match unreached(twin, readings, measured) {
-        Some(place) if what == never_touched(place, None) => {
-            never_touched(place, Some(place.contact_m / m_per_number + zero))
-        }
-        _ => what,
-    });
+/// Refuses a recording that is likely another than it is taken for, before any time is spent on it; says it only if `forced`.
+pub(super) fn refuse(found: Option<String>, forced: bool, progress: &Progress) -> Result<(), CliError> {
     match found {
         Some(what) if forced => progress.warn(&what),
         Some(what) => return Err(CliError::Mistaken(what)),

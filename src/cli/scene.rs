@@ -262,7 +262,7 @@ struct Tried {
 
 impl Tried {
     fn steps_per_pose(&self) -> f64 {
-        self.run.steps as f64 / self.run.answers.len().max(1) as f64
+        self.run.steps_per_pose().unwrap_or_default()
     }
 
     fn longest_pose_ms(&self) -> f64 {

@@ -10,12 +10,11 @@ mod speed;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use indicatif::{ProgressBar, ProgressStyle};
 
-use self::accuracy::{Accuracy, Merge};
+use self::accuracy::{Accuracy, Merge, PRESETS};
 use super::options::{SetOptions, ThreadOptions};
 use super::output::OutputFolder;
-use super::progress::Progress;
+use super::progress::{Progress, bar};
 use super::{CliError, Outcome, print, warn};
 use needle_core::scene::Override;
 use needle_estimate::compare::Watch as _;
@@ -23,9 +22,6 @@ use needle_studies::accuracy::StudyError;
 use needle_studies::composites::COMPOSITES;
 use needle_studies::stability;
 use needle_studies::verification::{self, Verification};
-
-/// Presets that have a reference solution.
-const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];
 
 /// Study the method: accuracy against cost, stability, and faults of a closed loop
 #[derive(Debug, Args)]
@@ -127,15 +123,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         #[cfg(feature = "ros")]
         Study::Hazards(hazards) => hazards.run(),
     }
-}
-
-/// A bar of so much work, with the time left; `done` is the template of how much is done.
-fn bar(work: u64, done: &str) -> ProgressBar {
-    let bar = ProgressBar::new(work);
-    let style = ProgressStyle::with_template(&format!("{{bar:40}} {done}, {{elapsed}}, {{eta}} left  {{msg}}"));
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.enable_steady_tick(std::time::Duration::from_millis(500));
-    bar
 }
 
 /// The scenes of these names that have a reference; all of them if none is named.

@@ -78,8 +78,9 @@ fn verdict_line(run: &Run, verdict: &Verdict) -> String {
 fn poses(run: &Run) -> String {
     let count = run.answers.len();
     let deepest = run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
-    let mean = if count == 0 { 0.0 } else { run.steps as f64 / count as f64 };
-    format!("{count} answered, {mean:.1} steps each, to {:.3} mm", 1e3 * deepest)
+    let mean = run.steps_per_pose().unwrap_or_default();
+    let most = run.answers.iter().map(|a| a.steps).max().unwrap_or(0);
+    format!("{count} answered, {mean:.1} steps each and at most {most}, to {:.3} mm", 1e3 * deepest)
 }
 
 fn force(run: &Run) -> String {

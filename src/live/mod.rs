@@ -15,7 +15,6 @@ mod frame;
 mod page;
 mod request;
 mod server;
-mod viewer;
 
 pub use board::{Board, PERIOD, VIEWERS};
 pub use error::LiveError;

@@ -122,7 +122,7 @@ impl Observer {
     /// # Errors
     /// [`NodeError`] if the network can't be joined.
     pub(crate) fn join(environment: &Environment, bag: Option<BagWriter>) -> Result<Self, NodeError> {
-        let names = Names::new("demo", &RosArguments::default())?;
+        let names = Names::new("demo", &[])?;
         let mut participant = Participant::new(names, environment, &RosArguments::default())?;
         let mut observer = Self {
             joint: participant.subscription("measured_js", qos::reliable(DEPTH))?,

@@ -63,7 +63,7 @@ impl Judge {
             let domain = domain.to_string();
             let environment =
                 Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.clone())).unwrap();
-            let names = Names::new("judge", &RosArguments::default()).unwrap();
+            let names = Names::new("judge", &[]).unwrap();
             let mut node = Participant::new(names, &environment, &RosArguments::default()).unwrap();
             node.set_program(TWIN);
             let measured = node.subscription::<JointState>("measured_js", qos::sensor(1000)).unwrap();

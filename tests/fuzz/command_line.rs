@@ -25,7 +25,7 @@ pub fn exercise(data: &[u8]) {
 fn accepted(own: &[String], ros: &RosArguments) {
     assert!(!own.iter().any(|word| word == "--ros-args"), "ROS arguments are taken out");
     declare(&ros.parameters);
-    let Ok(names) = Names::new("twin", ros) else { return };
+    let Ok(names) = Names::new("twin", &ros.remaps) else { return };
     assert!(check_token(names.node()).is_ok() && check_namespace(names.namespace()).is_ok());
     for name in ["measured_js", "~/reset", "/clock", "a/b", "~"] {
         for endpoint in [Endpoint::Topic, Endpoint::Service] {

@@ -291,7 +291,9 @@ class Peer:
         writer.write(ros_types.from_dict(ask, values))
         while time.monotonic() < end:
             for sample in reader.take(N=10):
-                if hasattr(sample, "sequence_number") and sample.sequence_number == counter[0]:
+                # Answers to other callers come too.
+                if hasattr(sample, "sequence_number") and sample.sequence_number == counter[0] \
+                        and list(sample.client_guid) == values["client_guid"]:
                     return {"response": ros_types.to_dict(sample)}
             time.sleep(0.002)
         return {"response": None} if quiet else {"error": f"no answer from {service}"}

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use needle_estimate::compare::Cancel;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
@@ -269,6 +270,52 @@ fn numbers_of_a_list_are_found_one_by_one() {
     assert!(code == 1 && said.contains("material.prony_shares[2]"), "{code} {said}");
 }
 
+/// Modulus, share and time of a relaxation come out of a press that holds, in a scene that names no relaxation. Synthetic: the twin's own force. A hold
+/// that is shorter than the relaxation gives no interval.
+#[test]
+fn a_hold_tells_how_the_tissue_relaxes() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = |tau: f64, hold: f64| -> Value {
+        let solved = folder.path().join(format!("{tau}")).display().to_string();
+        let hold = format!("motion.hold_s={hold}");
+        let keys = ["motion.depth_m=0.002", "motion.speed_m_per_s=0.004", &hold, "motion.pose_hz=50"];
+        let scene: Vec<&str> =
+            ["--scene", "compression"].into_iter().chain(keys.iter().flat_map(|key| ["--set", *key])).collect();
+        let time = format!("material.prony_times_s=[{tau}]");
+        let truth = ["--set", "material.prony_shares=[0.3]", "--set", &time, "--out", &solved];
+        let done =
+            Command::new(env!("CARGO_BIN_EXE_needle_twin")).arg("solve").args(&scene).args(truth).output().unwrap();
+        assert!(done.status.success(), "{done:?}");
+        // noise of 1 mN and a zero of 5 mN
+        let text = fs::read_to_string(format!("{solved}/force.csv")).unwrap();
+        let noisy = |(i, line): (usize, &str)| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let noise = 1.7e-3 * ((i * 7919 % 1009) as f64 / 504.0 - 1.0) + 5e-3;
+            let force = cells[2].parse::<f64>().map_or_else(|_| "force_n".to_owned(), |f| (f + noise).to_string());
+            format!("{},{},{force}\n", cells[0], cells[1])
+        };
+        let table = folder.path().join(format!("{tau}.csv")).display().to_string();
+        fs::write(&table, text.lines().enumerate().map(noisy).collect::<String>()).unwrap();
+        let start = ["--set", "material.shear_modulus_pa=1400", "--load-cell", "offset", "--certain", "all", "--fit"];
+        let fit = ["material.shear_modulus_pa", "material.prony_shares[0]", "material.prony_times_s[0]"];
+        json(&[&[table.as_str()], &scene[..], &start, &fit].concat()).0
+    };
+    let of = |found: &Value, key: &str, truth: f64| {
+        let one = &found["fit"][key];
+        let interval = &one["interval_95"];
+        println!("{key}: {} within {interval}, true {truth}", one["value"]);
+        assert!((number(&one["value"]) / truth - 1.0).abs() < 0.03, "{key}: {one}");
+        assert!(number(&interval[0]) <= truth && truth <= number(&interval[1]), "{key}: {one}");
+    };
+    let long = found(1.5, 6.0);
+    of(&long, "material.shear_modulus_pa", 1678.0);
+    of(&long, "material.prony_shares[0]", 0.3);
+    of(&long, "material.prony_times_s[0]", 1.5);
+    let short = found(10.0, 3.0);
+    let one = &short["fit"]["material.prony_times_s[0]"];
+    assert!(one["interval_95"].is_null() && one.to_string().contains("is shorter than a relaxation"), "{one}");
+}
+
 #[test]
 fn what_cannot_be_fitted_is_refused_with_the_remedy() {
     let bag = shipped("compression");
@@ -301,7 +348,7 @@ fn table(bag: &str, row: impl Fn(f64, f64, f64) -> Option<[f64; 3]>) -> (tempfil
     let text: String = rows.map(|[t, d, f]| format!("{t},{d},{f}\n")).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.csv");
-    std::fs::write(&path, format!("time_s,depth_m,force_n\n{text}")).unwrap();
+    fs::write(&path, format!("time_s,depth_m,force_n\n{text}")).unwrap();
     (folder, path.display().to_string())
 }
 

@@ -127,6 +127,18 @@ fn the_law_is_learnt_from_the_other_recordings() {
         assert!(error(&learnt) < 0.02 && error(&learnt) < 0.2 * error(&own), "{name}");
         assert!(number(&entry(&learnt, name)["coverage"]) > 0.9, "{name}");
     }
+    // one recording alone starts from what the others have taught, and what is its own in the file does not count
+    let prior = folder.path().join("lab.json").display().to_string();
+    forecast(&["--write-prior", &prior], "kept");
+    let alone: Vec<&str> =
+        [names[0].as_str()].into_iter().chain(columns).chain(["--json", "--prior", &prior]).collect();
+    let (code, json, said) = run(&alone);
+    assert_eq!(code, 0, "{said}");
+    let alone: Value = serde_json::from_str(&json).unwrap();
+    for field in ["law", "correction", "rmse_n"] {
+        assert_eq!(entry(&alone, "soft")[field], entry(&learnt, "soft")[field], "{field}");
+    }
+    assert!(entry(&alone, "soft")["correction"].as_str().unwrap().starts_with("corrected by 2 other recordings"));
     // the soft sample's rest becomes another
     let text = fs::read_to_string(&tables[0]).unwrap();
     let depth = |line: &str| line.split(',').nth(1).and_then(|d| d.parse::<f64>().ok()).unwrap_or(0.0);

@@ -92,6 +92,8 @@ fn the_package_holds_programs_pages_completions_and_licences() {
         "usr/bin/twin_node",
         "usr/bin/rig_node",
         "usr/share/man/man1/needle_twin-replay.1.gz",
+        "usr/share/man/man1/twin_node.1.gz",
+        "usr/share/man/man1/rig_node.1.gz",
         "usr/share/bash-completion/completions/needle_twin",
         "usr/share/zsh/vendor-completions/_needle_twin",
         "usr/share/needle_twin/launch/rig_and_twin.launch.py",
@@ -99,6 +101,7 @@ fn the_package_holds_programs_pages_completions_and_licences() {
         "usr/share/needle_twin/bags/needle_insertion/metadata.yaml",
         "usr/share/doc/needle-twin/handbook/getting_started.md",
         "usr/share/doc/needle-twin/needle_twin.cdx.json.gz",
+        "usr/share/doc/needle-twin/CHANGELOG.md.gz",
     ] {
         assert!(root.join(file).is_file(), "{file}");
     }
@@ -137,6 +140,8 @@ fn the_archive_holds_programs_that_name_what_is_linked() {
     assert!(unpacked.success());
     let program = folder.path().join(format!("needle_twin-{}/bin/needle_twin", env!("CARGO_PKG_VERSION")));
     assert!(Command::new(&program).arg("--version").output().unwrap().status.success());
+    let licence = program.parent().unwrap().join("../LICENSE-APACHE");
+    assert!(fs::read_to_string(licence).unwrap().contains("Apache License"));
     let section = folder.path().join("section");
     let dump = format!("--dump-section=.dep-v0={}", section.display());
     let copy = folder.path().join("copy");
@@ -207,6 +212,30 @@ fn the_ros_package_takes_programs_that_are_built() {
     assert!(Command::new(program).arg("--version").output().unwrap().status.success());
 }
 
+/// The search path is an input of pyo3's build script alone: what is built without arguments must not have it.
+#[test]
+fn the_build_without_arguments_knows_no_python() {
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let tree = ["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p}", "--edges", "normal,build"];
+    let tree = Command::new(env!("CARGO")).args(tree).current_dir(house).output().unwrap();
+    assert!(tree.status.success(), "{}", text(&tree.stderr));
+    let tree = text(&tree.stdout);
+    assert!(tree.contains("needle_twin v") && tree.contains("openigtlink v"), "{tree}");
+    for name in ["pyo3", "numpy", "needle_twin_py"] {
+        assert!(!tree.lines().any(|line| line.starts_with(&format!("{name} "))), "{name}");
+    }
+}
+
+/// A change of a node is built again without the others, and not by building all of them with less effort.
+#[test]
+fn nodes_are_built_in_pieces_at_the_full_level() {
+    let manifest = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = toml::from_str(&manifest).unwrap();
+    let product = &manifest["profile"]["release"]["package"]["needle_twin"];
+    assert_eq!(product.get("incremental").and_then(toml::Value::as_bool), Some(true));
+    assert!(product.get("opt-level").is_none(), "{product}");
+}
+
 /// What is packed has no dependency that only the workspace's patch can satisfy.
 #[test]
 fn a_published_crate_does_not_need_the_patch() {
@@ -252,4 +281,70 @@ fn the_history_is_drawn_as_it_is_committed() {
     let before = fs::read_to_string(&picture).unwrap();
     assert!(script("history", &["--draw"], &[]).status.success());
     assert_eq!(fs::read_to_string(picture).unwrap(), before, "run .ci/history --draw");
+}
+
+/// In a repository of its own, so that nothing happens to this one, and a folder without one will do.
+#[test]
+fn a_release_has_one_version_everywhere_and_a_tag() {
+    let house = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    let clone = folder.path().join("clone");
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        for role in ["AUTHOR", "COMMITTER"] {
+            command.env(format!("GIT_{role}_NAME"), "Ada").env(format!("GIT_{role}_EMAIL"), "ada@example.org");
+        }
+        let place = if clone.exists() { clone.as_path() } else { house };
+        let ran = command.args(arguments).env("SOURCE_DATE_EPOCH", "1795000000").current_dir(place).output().unwrap();
+        (ran.status.success(), text(&ran.stdout), text(&ran.stderr))
+    };
+    let git = |arguments: &[&str]| {
+        let (fits, told, wrong) = run("git", arguments);
+        assert!(fits, "{arguments:?}: {wrong}");
+        told
+    };
+    git(&["init", "--quiet", clone.to_str().unwrap()]);
+    git(&["--work-tree", house.to_str().unwrap(), "add", "--all"]);
+    git(&["commit", "--quiet", "--message", "as it is here"]);
+    git(&["reset", "--quiet", "--hard"]);
+    let read = |name: &str| fs::read_to_string(clone.join(name)).unwrap();
+
+    let (fits, _, wrong) = run(".ci/release", &["77.1.2"]);
+    assert!(fits, "{wrong}");
+    assert_eq!(git(&["describe", "--exact-match"]), "v77.1.2\n");
+    assert!(read("CHANGELOG.md").contains("## Unreleased\n\n## 77.1.2 - 2026-11-18\n"));
+    let cited = read("CITATION.cff");
+    assert!(cited.contains("\nversion: 77.1.2\ndate-released: 2026-11-18\n"), "{cited}");
+    for name in git(&["ls-files", "*package.xml"]).lines() {
+        assert!(read(name).contains("<version>77.1.2</version>"), "{name}");
+    }
+    // the lock file is of these manifests, and only versions of this project have moved
+    let (fits, told, wrong) =
+        run(env!("CARGO"), &["metadata", "--format-version", "1", "--locked", "--offline", "--no-deps"]);
+    assert!(fits, "{wrong}");
+    let data: Value = serde_json::from_str(&told).unwrap();
+    for package in data["packages"].as_array().unwrap() {
+        assert!(package["version"] == "77.1.2" || package["name"] == "netdev", "{}", package["name"]);
+        let asked =
+            package["dependencies"].as_array().unwrap().iter().filter(|d| d["path"].is_string() && d["kind"].is_null());
+        for needed in asked {
+            assert!(needed["req"] == "^77.1.2" || needed["req"] == "*", "{needed}");
+        }
+    }
+    let moved = git(&["diff", "--unified=0", "HEAD^", "--", "Cargo.lock"]);
+    let moved = moved.lines().filter(|l| l.starts_with(['+', '-']) && !l.starts_with("+++") && !l.starts_with("---"));
+    assert!(
+        moved.clone().count() > 0 && moved.clone().all(|l| l.get(1..).is_some_and(|l| l.starts_with("version = ")))
+    );
+
+    // twice, backwards, and with nothing to tell
+    for (version, says) in
+        [("77.1.2", "does not come after"), ("0.0.1", "does not come after"), ("77.2.0", "nothing below")]
+    {
+        let (fits, _, wrong) = run(".ci/release", &[version]);
+        assert!(!fits && wrong.contains(says), "{version}: {wrong}");
+    }
+    fs::write(clone.join("README.md"), "changed").unwrap();
+    let (fits, _, wrong) = run(".ci/release", &["77.3.0"]);
+    assert!(!fits && wrong.contains("not committed"), "{wrong}");
 }

@@ -57,7 +57,7 @@ fn a_thousand_poses_a_second_for_long() {
     let twin = Program::start(TWIN, &["--scene", "needle_insertion"], domain, &[]);
     let domain = domain.to_string();
     let environment = Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.clone())).unwrap();
-    let names = Names::new("driver", &RosArguments::default()).unwrap();
+    let names = Names::new("driver", &[]).unwrap();
     let mut node = Participant::new(names, &environment, &RosArguments::default()).unwrap();
     node.set_program(TWIN);
     let positions = node.publisher::<JointState>("measured_js", qos::reliable(10)).unwrap();

@@ -26,3 +26,4 @@ mod ros_arguments;
 mod ros_node;
 mod ros_peer;
 mod ros_two_hosts;
+mod strangers;

@@ -8,6 +8,7 @@ pub mod cloud;
 mod grid;
 pub mod material;
 pub mod mirror;
+#[allow(unsafe_code)] // vector instructions
 pub mod number;
 mod shares;
 pub mod solver;

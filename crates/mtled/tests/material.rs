@@ -2,12 +2,15 @@
 #![allow(clippy::unwrap_used)]
 
 mod clouds;
+#[path = "../examples/own_law.rs"]
+#[allow(dead_code)]
+mod own_law;
 
 use approx::assert_abs_diff_eq;
 use clouds::uniform;
 use mtled::approximation::table::Approximation;
 use mtled::material::neo_hookean::{cofactor, determinant, first_piola};
-use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, VerondaWestmann, Volumetric, Yeoh, ogden};
+use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, Own, VerondaWestmann, Volumetric, Yeoh, ogden};
 use mtled::solver::VolumeRatio;
 use mtled::solver::{Kernel, Pool};
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
@@ -36,10 +39,12 @@ const VERONDA: Distortional = Distortional::VerondaWestmann(VerondaWestmann { sh
 const HELD: [f64; 6] = [-310.0, 150.0, 90.0, 420.0, -75.0, 205.0];
 
 /// Every law, every volumetric energy; all have the initial shear modulus MU.
-fn points() -> [Point; 10] {
+fn points() -> [Point; 11] {
     let plain = |name, law| Point { name, law, memory: None };
     let neo = Law::neo_hookean(MU, KAPPA);
     let of = |distortional| Law { distortional, ..neo };
+    // five links: 1 + 3 / 25 + 99 / 4375
+    let rubber = own_law::ArrudaBoyce { mu: MU / (1.12 + 99.0 / 4375.0), links: 5.0 };
     let three = ogden_law(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0], Volumetric::Logarithmic);
     [
         plain("neo-Hooke", neo),
@@ -49,6 +54,7 @@ fn points() -> [Point; 10] {
         plain("Mooney-Rivlin", of(Distortional::MooneyRivlin(MooneyRivlin { c10: 0.3 * MU, c01: 0.2 * MU }))),
         plain("Yeoh", of(Distortional::Yeoh(Yeoh { c10: 0.5 * MU, c20: -0.1 * MU, c30: 0.03 * MU }))),
         plain("Veronda-Westmann", Law { volumetric: Volumetric::Logarithmic, ..of(VERONDA) }),
+        plain("Arruda-Boyce, the user's own", of(Distortional::Own(Own::new(&rubber)))),
         Point { name: "Veronda-Westmann, relaxing", law: of(VERONDA), memory: Some((0.7, HELD)) },
         Point { name: "neo-Hooke, relaxing", law: neo, memory: Some((0.8, HELD)) },
         Point { name: "Ogden, relaxing", law: three, memory: Some((0.6, HELD)) },

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
 use mtled::approximation::{Basis, Settings, ShapeTable};
 use mtled::cloud::{BASE, Domain, Spacing, TOP, meridian::meridian};
-use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, Prony, VerondaWestmann, Yeoh};
+use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, Own, Prony, VerondaWestmann, Yeoh};
 use mtled::solver::{Advance, Precision, Role, Solver, SolverSettings, Team, VolumeRatio};
 
 /// A pressed half plane.
@@ -125,6 +125,8 @@ fn members_of_every_law_step_as_solvers_alone() {
         of([yeoh(-60.0), yeoh(100.0)]),
         of([mooney(300.0), mooney(100.0)]),
         of([veronda(0.8), veronda(2.0)]),
+        // the same law twice, as a caller's own
+        of([300.0, 100.0].map(|c01| Distortional::Own(Own::new(&MooneyRivlin { c10: 539.0, c01 })))),
         of([ogden(&[1678.0], &[-4.7]), ogden(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0])]),
     ];
     for (laws, precision) in pairs.iter().flat_map(|p| [(p, Precision::F32), (p, Precision::F64)]) {
@@ -146,8 +148,14 @@ fn members_of_every_law_step_as_solvers_alone() {
         }
         assert!(force(&alone[0]) != force(&alone[1]), "{laws:?}: each has its own constants");
     }
-    let different = solvers(&plane, Precision::F32, &[law(0), pairs[0][0]]);
-    assert!(Team::new(&different.iter().collect::<Vec<_>>(), None).is_none(), "two laws");
+    let own = of([
+        Distortional::Own(Own::new(&MooneyRivlin { c10: 539.0, c01: 300.0 })),
+        Distortional::Own(Own::new(&Yeoh { c10: 839.0, c20: 10.0, c30: 20.0 })),
+    ]);
+    for two in [[law(0), pairs[0][0]], own] {
+        let different = solvers(&plane, Precision::F32, &two);
+        assert!(Team::new(&different.iter().collect::<Vec<_>>(), None).is_none(), "two laws");
+    }
 }
 
 #[test]

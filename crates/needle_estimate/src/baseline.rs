@@ -342,6 +342,9 @@ pub struct Standing {
     pub readings: usize,
     /// Root mean square of the twin's force - measured over them, N.
     pub twin_rmse_n: f64,
+    /// The same of c + a F with the twin's force F, fitted to what the baselines are fitted to; where nothing of the twin was fitted.
+    #[serde(default)]
+    pub scaled_rmse_n: Option<f64>,
     /// The baselines.
     pub baselines: Vec<Baseline>,
 }
@@ -357,6 +360,7 @@ impl Standing {
             predicted: true,
             readings: readings.len(),
             twin_rmse_n: error(twin_n),
+            scaled_rmse_n: None,
             baselines: forecasts
                 .iter()
                 .map(|f| Baseline { name: f.name.to_owned(), rmse_n: error(&f.force_n) })
@@ -387,7 +391,15 @@ impl Standing {
         };
         let all: Vec<String> = self.baselines.iter().map(|b| format!("{} {:.6} N", b.name, b.rmse_n)).collect();
         let over = if self.predicted { "in the rest" } else { "over the same readings" };
-        format!("{word}: {over} twin {:.6} N, {} (fitted to {})", self.twin_rmse_n, all.join(", "), self.fitted_to)
+        let scaled = self
+            .scaled_rmse_n
+            .map_or_else(String::new, |n| format!(", its force scaled to the same readings {n:.6} N"));
+        format!(
+            "{word}: {over} twin {:.6} N{scaled}, {} (fitted to {})",
+            self.twin_rmse_n,
+            all.join(", "),
+            self.fitted_to
+        )
     }
 }
 
@@ -405,7 +417,11 @@ impl Run {
         let rest: Vec<usize> = (cut..rows.len()).collect();
         let standing = Standing::over(&rest, &rows.predicted_n, &rows.measured_n, &forecasts)
             .filter(|standing| !standing.baselines.is_empty())?;
-        Some(Standing { fitted_to: format!("{cut} readings before {:.3} mm", 1e3 * half), ..standing })
+        let thinned = measured.iter().copied().step_by(measured.len().div_ceil(MOST_FITTED)).collect();
+        let scaled = Fit { depth_m: &rows.depth_m, measured: thinned }.of([&|_| 1.0, &|i| rows.predicted_n[i]]);
+        let [scaled, known] = [&scaled, &rows.measured_n].map(|of| rest.iter().map(|&i| of[i]).collect::<Vec<f64>>());
+        let fitted_to = format!("{cut} readings before {:.3} mm", 1e3 * half);
+        Some(Standing { fitted_to, scaled_rmse_n: Some(rmse(&known, &scaled)), ..standing })
     }
 }
 

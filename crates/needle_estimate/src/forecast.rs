@@ -11,8 +11,9 @@
 //! (e F)^2                              e: relative standard uncertainty of the force
 //! (m F)^2,  m = rmse / peak            misfit of the fitted part: what the model lacks grows with the force
 //! rmse^2                               noise of a reading, and misfit
-//! sum_j (F_j - F)^2 (1 + 1/n) / (n - 1)    F_j: with the law of each of n other samples, its scale fitted to the first part
 //! ```
+//!
+//! With two other recordings of the scene or more, force and band are corrected by what they teach ([`crate::shortfall`]).
 
 use std::borrow::Cow;
 
@@ -20,6 +21,7 @@ use crate::baseline::{self, Forecast, Standing};
 use crate::calibrate::{CalibrateError, Calibration, HoldOut, INTERVAL_95, LoadCell, Task, Wanted, calibrate};
 use crate::compare::uncertainty::FORCE_ERROR;
 use crate::compare::{Answer, Curve, Keep, Run, Session, Watch, passes};
+use crate::shortfall::{self, Corrected};
 use needle_core::scene::{Align, Override, Scene};
 use needle_recording::{Reading, Recording};
 
@@ -139,6 +141,10 @@ pub struct Prediction {
     pub depth_m: Vec<f64>,
     /// Expected reading of the load cell, N, with its zero and drift.
     pub force_n: Vec<f64>,
+    /// The same of the twin alone, where other recordings have corrected it.
+    pub alone_n: Option<Vec<f64>>,
+    /// How they have, in words.
+    pub correction: Option<String>,
     /// Standard deviation of a reading about it, N.
     pub deviation_n: Vec<f64>,
     /// Forces of the baselines, N.
@@ -151,8 +157,8 @@ pub struct Prediction {
     placement: Align,
 }
 
-/// Fits and predicts. `scene` has the start of the search, and the poses are taken as poses if `by_pose`. `samples` are scenes with the laws
-/// of other samples, where the scene's law was learnt from them: how far they are apart widens the band.
+/// Fits and predicts. `scene` has the start of the search, and the poses are taken as poses if `by_pose`. `others` are curves of other
+/// recordings of the scene ([`Curve::averaged`]): what the twin lacked there is added.
 ///
 /// # Errors
 /// [`ForecastError`] if the fit has no result.
@@ -162,7 +168,7 @@ pub fn predict(
     wanted: &[Wanted],
     load_cell: LoadCell,
     by_pose: bool,
-    samples: &[Scene],
+    others: &[&Curve],
     watch: &mut dyn Watch,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Prediction, ForecastError> {
@@ -191,14 +197,22 @@ pub fn predict(
     let run = run(&calibration.scene, &all, watch)?;
     let at = |i: usize| run.answers[i].time_s + first_s(&all);
     let added = |i: usize| align.zero_n + align.drift_n_per_s * run.answers[i].time_s;
-    let force_n: Vec<f64> = (0..run.answers.len()).map(|i| run.answers[i].predicted_n + added(i)).collect();
+    let mut force_n: Vec<f64> = (0..run.answers.len()).map(|i| run.answers[i].predicted_n + added(i)).collect();
     let (depth_m, time_s): (Vec<f64>, Vec<f64>) =
         (0..run.answers.len()).map(|i| (run.answers[i].depth_m, at(i))).unzip();
-    let mut deviation_n = deviation(&calibration, &run, &all, watch, tell)?;
     let fitted = measured(&placed, &calibration.scene, &time_s);
-    let unloaded = |i: usize| force_n[i] - run.answers[i].predicted_n;
-    let net: Vec<(usize, f64)> = fitted.iter().map(|&(i, force)| (i, force - unloaded(i))).collect();
-    widen(&mut deviation_n, &run, &net, samples, &all, watch)?;
+    let alone: Vec<f64> = run.answers.iter().map(|a| a.predicted_n).collect();
+    let corrected = shortfall::corrected(&depth_m, &alone, &fitted, others);
+    let correction = corrected.as_ref().map(Corrected::words);
+    let (alone_n, deviation_n) = match corrected {
+        Some(Corrected { force_n: with, deviation_n, .. }) => {
+            // the noise of a single reading
+            let apart = fitted.iter().map(|&(i, n)| (with[i] - n).powi(2)).sum::<f64>() / fitted.len() as f64;
+            let deviation_n = deviation_n.iter().map(|d| d.hypot(apart.sqrt())).collect();
+            (Some(std::mem::replace(&mut force_n, with)), deviation_n)
+        }
+        None => (None, deviation(&calibration, &run, &all, watch, tell)?),
+    };
     let baselines = baseline::forecasts(Some(&calibration.scene), &depth_m, &fitted, &[]);
     let mut losses = run.losses.clone();
     losses.extend(run.diverged.clone());
@@ -208,6 +222,8 @@ pub fn predict(
         time_s,
         depth_m,
         force_n,
+        alone_n,
+        correction,
         deviation_n,
         baselines,
         fitted,
@@ -234,7 +250,7 @@ fn run(scene: &Scene, readings: &[Reading], watch: &mut dyn Watch) -> Result<Run
 }
 
 /// Measured force at some times, N, positive against the insertion: index of the time and force.
-fn measured(recording: &Recording, scene: &Scene, time_s: &[f64]) -> Vec<(usize, f64)> {
+pub(crate) fn measured(recording: &Recording, scene: &Scene, time_s: &[f64]) -> Vec<(usize, f64)> {
     let series = recording.measured();
     let straight = scene.instrument.map_or([0.0, 0.0, -1.0], |instrument| instrument.axis());
     let axis = |i: usize| {
@@ -302,36 +318,6 @@ fn deviation(
     Ok((0..nominal.len()).map(variance).collect())
 }
 
-/// Adds how far other samples' laws are apart; see the module. `net`: the force at the fitted poses without the load cell's zero.
-fn widen(
-    deviation_n: &mut [f64],
-    run: &Run,
-    net: &[(usize, f64)],
-    samples: &[Scene],
-    readings: &[Reading],
-    watch: &mut dyn Watch,
-) -> Result<(), ForecastError> {
-    let mut curves = Vec::new();
-    for scene in samples {
-        let other: Vec<f64> = self::run(scene, readings, watch)?.answers.iter().map(|a| a.predicted_n).collect();
-        if other.len() == run.answers.len() {
-            let (products, squares) =
-                net.iter().fold((0.0, 0.0), |(p, s), &(i, n)| (p + n * other[i], s + other[i] * other[i]));
-            let scale = products / squares;
-            curves.extend(Some(other.iter().map(|f| scale * f).collect::<Vec<f64>>()).filter(|_| scale.is_finite()));
-        }
-    }
-    let n = curves.len() as f64;
-    if n >= 2.0 {
-        let share = (1.0 + 1.0 / n) / (n - 1.0);
-        for (i, deviation) in deviation_n.iter_mut().enumerate() {
-            let apart: f64 = curves.iter().map(|curve| (curve[i] - run.answers[i].predicted_n).powi(2)).sum();
-            *deviation = deviation.hypot((share * apart).sqrt());
-        }
-    }
-    Ok(())
-}
-
 /// The error over one part of the predicted depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
@@ -348,6 +334,8 @@ pub struct Part {
 pub struct Judged {
     /// Twin and baselines over the rest; `None` if nothing was measured there.
     pub standing: Option<Standing>,
+    /// Root mean square error of the twin alone, N, where other recordings have corrected it.
+    pub alone_rmse_n: Option<f64>,
     /// Largest measured force less the zero that was found, N.
     pub peak_n: f64,
     /// Share of the measured forces within the band.
@@ -397,9 +385,13 @@ impl Prediction {
             (low..=high).contains(&of[**i])
         };
         let inside = rest.iter().filter(within).count() as f64 / rest.len() as f64;
+        let error = |force: &Vec<f64>| {
+            (rest.iter().map(|&i| (force[i] - of[i]).powi(2)).sum::<f64>() / rest.len() as f64).sqrt()
+        };
         let column = |f: &dyn Fn(usize) -> f64| measured.iter().map(|(i, _)| f(*i)).collect::<Vec<f64>>();
         Judged {
             peak_n: measured.iter().map(|(i, n)| (n - zero(*i)).abs()).fold(0.0, f64::max),
+            alone_rmse_n: self.alone_n.as_ref().map(error).filter(|_| !rest.is_empty()),
             coverage: Some(inside).filter(|_| !rest.is_empty()),
             parts: self.parts(&rest, &of, standing.as_ref(), &baselines),
             curve: Curve::of(

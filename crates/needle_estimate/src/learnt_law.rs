@@ -18,6 +18,7 @@ use crate::compare::Watch;
 use crate::compare::uncertainty::FORCE_ERROR;
 use needle_core::scene::{MaterialModel, Override, Scene, SceneError};
 use needle_recording::Recording;
+use serde::{Deserialize, Serialize};
 
 /// The key of the modulus in scenes whose law can be learnt.
 const MODULUS: &str = "material.shear_modulus_pa";
@@ -74,7 +75,7 @@ const LAWS: [Law; 4] = [
 ];
 
 /// A law's fit to a whole recording.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Shape {
     /// Root mean square error over the largest measured force.
     error: f64,
@@ -83,7 +84,7 @@ struct Shape {
 }
 
 /// What a whole recording says of laws.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fits {
     /// Error of the scene's own law, as in [`Shape`].
     own: f64,
@@ -96,8 +97,6 @@ pub struct Fits {
 pub struct Learnt {
     law: usize,
     constants: Vec<f64>,
-    /// Those of each recording.
-    samples: Vec<Vec<f64>>,
     /// Number of recordings it comes from.
     from: usize,
 }
@@ -177,8 +176,7 @@ pub fn learnt(others: &[&Fits]) -> Option<Learnt> {
             // a mean of constants in Pa is the mean of the force curves
             let mean = |k: usize| shapes.iter().map(|shape| shape.constants[k]).sum::<f64>() / shapes.len() as f64;
             let constants = (0..constants.len()).map(mean).collect::<Vec<f64>>();
-            let samples: Vec<Vec<f64>> = shapes.iter().map(|shape| shape.constants.clone()).collect();
-            best = (error, constants.len(), Some(Learnt { law, constants, from: samples.len(), samples }));
+            best = (error, constants.len(), Some(Learnt { law, constants, from: shapes.len() }));
         }
     }
     best.2
@@ -219,15 +217,6 @@ impl Learnt {
     /// [`SceneError`] if the scene does not take it.
     pub fn scene(&self, scene: &Scene) -> Result<Scene, SceneError> {
         LAWS[self.law].scene(scene, scene.material.shear_modulus(), &self.constants)
-    }
-
-    /// The scenes with the law of each of the recordings that it was learnt from.
-    ///
-    /// # Errors
-    /// [`SceneError`] if the scene does not take one.
-    pub fn samples(&self, scene: &Scene) -> Result<Vec<Scene>, SceneError> {
-        let modulus = scene.material.shear_modulus();
-        self.samples.iter().map(|constants| LAWS[self.law].scene(scene, modulus, constants)).collect()
     }
 
     /// The keys to fit: the factor on all constants in Pa in place of the modulus, over as many times it.
@@ -291,8 +280,7 @@ mod tests {
         assert!(is_open(&scene, &wanted) && !is_open(&scene, &[]));
         for (law, Law { constants, .. }) in LAWS.iter().enumerate() {
             let start: Vec<f64> = constants.iter().map(|c| c.start).collect();
-            let learnt = Learnt { law, constants: start.clone(), samples: vec![start], from: 2 };
-            assert_eq!(learnt.samples(&scene).unwrap()[0].material, learnt.scene(&scene).unwrap().material);
+            let learnt = Learnt { law, constants: start, from: 2 };
             let changed = learnt.scene(&scene).unwrap();
             assert!((changed.material.shear_modulus() / modulus - 1.0).abs() < 1e-9, "{}", learnt.words());
             let keys = learnt.wanted(&wanted, &scene);

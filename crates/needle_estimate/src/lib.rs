@@ -14,4 +14,7 @@ pub mod compare;
 pub mod forecast;
 pub mod layers;
 pub mod learnt_law;
+pub mod live_spring;
 pub mod plan;
+pub mod prior;
+pub mod shortfall;

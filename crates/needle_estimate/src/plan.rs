@@ -50,6 +50,28 @@ pub struct Direction {
     pub roll: Option<f64>,
 }
 
+impl Direction {
+    /// Every combination of tilts, azimuths and rolls in rad; where none of a kind is given, the scene's own. Only a bevel has a roll.
+    #[must_use]
+    pub fn all(scene: &Scene, [tilts, azimuths, rolls]: [&[f64]; 3]) -> Vec<Self> {
+        let needle = scene.instrument.as_ref().and_then(|i| i.needle());
+        let or = |given: &[f64], own: f64| if given.is_empty() { vec![own] } else { given.to_vec() };
+        let tilts = or(tilts, needle.map_or(0.0, |n| n.tilt.get()));
+        let azimuths = or(azimuths, needle.map_or(0.0, |n| n.azimuth.get()));
+        let rolls: Vec<Option<f64>> = match needle.and_then(|n| n.bevel) {
+            Some(bevel) => or(rolls, bevel.roll.get()).into_iter().map(Some).collect(),
+            None => vec![None],
+        };
+        let mut all = Vec::new();
+        for tilt in &tilts {
+            for azimuth in &azimuths {
+                all.extend(rolls.iter().map(|roll| Self { tilt: *tilt, azimuth: *azimuth, roll: *roll }));
+            }
+        }
+        all
+    }
+}
+
 /// How an insertion ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {

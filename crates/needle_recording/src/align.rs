@@ -31,6 +31,16 @@ impl Recording {
         aligned.warnings.push(format!("taken out of the recording, as the scene says ([align]): {align}"));
         Cow::Owned(aligned)
     }
+
+    /// The same of a recording that is not needed as it was: no copy is made where there is nothing to correct.
+    #[must_use]
+    pub fn into_aligned(self, scene: &Scene) -> Self {
+        let aligned = match self.aligned(scene) {
+            Cow::Owned(aligned) => Some(aligned),
+            Cow::Borrowed(_) => None,
+        };
+        aligned.unwrap_or(self)
+    }
 }
 
 /// Unit vector along the scene's instrument, into the sample.

@@ -25,7 +25,10 @@ impl ForceSeries {
         let all = samples.len();
         samples.retain(|(time, force)| TIME_S.contains(*time) && is_force(force));
         let left_out = all - samples.len();
-        samples.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: the last of equal times stays last
+        // a sort takes memory even where there is nothing to do
+        if !samples.is_sorted_by(|a, b| a.0 <= b.0) {
+            samples.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: the last of equal times stays last
+        }
         samples.dedup_by(|next, kept| {
             let same = next.0 == kept.0;
             if same {

@@ -1,6 +1,7 @@
 //! Finds the intervals without data, or without force while the instrument moved. The forces in them are unknown.
 
-use super::recording::{DepthSample, ForceSample, PoseSample};
+use super::middle::Middle;
+use super::write::Sample;
 
 /// A pause exceeds this many typical intervals, and `LEAST_S`.
 const INTERVALS: f64 = 10.0;
@@ -8,98 +9,139 @@ const LEAST_S: f64 = 0.25;
 /// The instrument has moved if it travelled by more than this share of the total travel.
 const MOVED: f64 = 0.02;
 
-/// A sample, where and when.
-pub(super) trait Sample {
-    /// s.
-    fn time_s(&self) -> f64;
-    /// m; 0 of a force.
-    fn place(&self) -> [f64; 3];
+/// A pause that may be a hole.
+struct Pause {
+    from_to_s: [f64; 2],
+    /// How far the instrument went in it along an axis, m.
+    travel_m: f64,
+    /// Whether the force had no reading within it.
+    silent: bool,
 }
 
-impl Sample for DepthSample {
-    fn time_s(&self) -> f64 {
-        self.time_s
+/// Times of a series, and its pauses.
+#[derive(Default)]
+struct Times {
+    first_s: Option<f64>,
+    last_s: Option<f64>,
+    intervals: Middle,
+    pauses: Vec<Pause>,
+}
+
+impl Times {
+    /// The next time; `travel_m` and `silent` as in [`Pause`], since the last one.
+    fn note(&mut self, time_s: f64, travel_m: f64, silent: bool) {
+        self.first_s.get_or_insert(time_s);
+        if let Some(last_s) = self.last_s.replace(time_s) {
+            self.intervals.note(time_s - last_s);
+            if time_s - last_s > LEAST_S {
+                self.pauses.push(Pause { from_to_s: [last_s, time_s], travel_m, silent });
+            }
+        }
     }
 
-    fn place(&self) -> [f64; 3] {
-        [self.depth_m, 0.0, 0.0]
+    /// The pauses that are long beside the usual interval.
+    fn found(self) -> impl Iterator<Item = Pause> {
+        let least_s = INTERVALS * self.intervals.value().unwrap_or_default();
+        self.pauses.into_iter().filter(move |Pause { from_to_s: [from, to], .. }| to - from > least_s)
     }
 }
 
-impl Sample for PoseSample {
-    fn time_s(&self) -> f64 {
-        self.time_s
+/// Least and largest coordinates of places.
+#[derive(Clone, Copy)]
+struct Extent([[f64; 2]; 3]);
+
+impl Extent {
+    const NONE: Self = Self([[f64::INFINITY, f64::NEG_INFINITY]; 3]);
+
+    fn take(&mut self, place: [f64; 3]) {
+        self.0.iter_mut().zip(place).for_each(|(range, x)| *range = [range[0].min(x), range[1].max(x)]);
     }
 
-    fn place(&self) -> [f64; 3] {
-        self.tip
-    }
-}
-
-impl Sample for ForceSample {
-    fn time_s(&self) -> f64 {
-        self.time_s
-    }
-
-    fn place(&self) -> [f64; 3] {
-        [0.0; 3]
+    /// Along the axis on which it is largest, m.
+    fn size(&self) -> f64 {
+        self.0.iter().map(|[low, high]| high - low).fold(0.0, f64::max)
     }
 }
 
-/// Pauses of a series, from and to, s.
-fn pauses<S: Sample>(series: &[S]) -> Vec<[f64; 2]> {
-    let longer = |least: f64| {
-        let pairs = series.windows(2).map(|pair| [pair[0].time_s(), pair[1].time_s()]);
-        pairs.filter(move |[from, to]| to - from > least)
-    };
-    // of most series none is so long, and the usual interval need not be known
-    if longer(LEAST_S).next().is_none() {
-        return Vec::new();
+/// Looks for holes while the samples of a recording go by in order of time. A sensor that publishes only changes is silent while the
+/// instrument rests; that is not a hole.
+pub(super) struct Holes {
+    by_pose: bool,
+    motion: Times,
+    force: Times,
+    place: [f64; 3],
+    /// All places, and those from the last force on.
+    all: Extent,
+    since: Extent,
+}
+
+impl Holes {
+    /// `by_pose`: whether the motion is that of the poses.
+    pub(super) fn new(by_pose: bool) -> Self {
+        let (motion, force) = (Times::default(), Times::default());
+        Self { by_pose, motion, force, place: [0.0; 3], all: Extent::NONE, since: Extent::NONE }
     }
-    let mut intervals: Vec<f64> = series.windows(2).map(|pair| pair[1].time_s() - pair[0].time_s()).collect();
-    let middle = intervals.len() / 2;
-    let median = *intervals.select_nth_unstable_by(middle, f64::total_cmp).1;
-    longer((INTERVALS * median).max(LEAST_S)).collect()
-}
 
-/// The holes of a recording, in order of time. A sensor that publishes only changes is silent while the instrument
-/// rests; that is not a hole.
-pub(super) fn holes<M: Sample, F: Sample>(motion: &[M], force: &[F]) -> Vec<[f64; 2]> {
-    let moved = |[from, to]: &[f64; 2], least: f64| {
-        let (a, b) = (motion.partition_point(|m| m.time_s() < *from), motion.partition_point(|m| m.time_s() <= *to));
-        extent(&motion[a..b]) > least
-    };
-    let least = MOVED * extent(motion);
-    let silent = |[from, to]: &[f64; 2]| {
-        let next = force.partition_point(|f| f.time_s() <= *from);
-        !force.is_empty() && force.get(next).is_none_or(|f| f.time_s() >= *to)
-    };
-    let (first, last) = (motion.first().map_or(0.0, M::time_s), motion.last().map_or(0.0, M::time_s));
-    let of_motion = pauses(motion).into_iter().filter(|pause| silent(pause) || moved(pause, least));
-    let within = |[from, to]: &[f64; 2]| *to > first && *from < last;
-    let of_force = pauses(force).into_iter().filter(|pause| within(pause) && moved(pause, least));
-    let mut all: Vec<[f64; 2]> = of_motion.chain(of_force).collect();
-    all.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
-    all.dedup_by(|next, kept| {
-        let same = next[0] <= kept[1];
-        kept[1] = if same { kept[1].max(next[1]) } else { kept[1] };
-        same
-    });
-    all
-}
+    pub(super) fn note(&mut self, sample: &Sample) {
+        match sample {
+            Sample::Depth(s) if !self.by_pose => self.moved(s.time_s, [s.depth_m, 0.0, 0.0]),
+            Sample::Pose(s) if self.by_pose => self.moved(s.time_s, s.tip),
+            Sample::Force(s) => {
+                self.force.note(s.time_s, self.since.size(), true);
+                self.since = Extent::NONE;
+                if self.motion.last_s == Some(s.time_s) {
+                    self.since.take(self.place);
+                }
+            }
+            _ => {}
+        }
+    }
 
-/// Largest extent of the positions along an axis, m.
-fn extent<M: Sample>(places: &[M]) -> f64 {
-    let along = |k: usize| {
-        let values = places.iter().map(|p| p.place()[k]);
-        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
-    };
-    (0..3).map(along).fold(0.0, f64::max)
+    fn moved(&mut self, time_s: f64, place: [f64; 3]) {
+        let travel_m = (0..3).map(|k| (place[k] - self.place[k]).abs()).fold(0.0, f64::max);
+        self.motion.note(time_s, travel_m, self.force.last_s <= self.motion.last_s);
+        self.place = place;
+        self.all.take(place);
+        self.since.take(place);
+    }
+
+    /// The holes, in order of time, s.
+    pub(super) fn found(self) -> Vec<[f64; 2]> {
+        let least_m = MOVED * self.all.size();
+        let [first_s, last_s] = [self.motion.first_s, self.motion.last_s].map(Option::unwrap_or_default);
+        let has_force = self.force.last_s.is_some();
+        let of_motion = self.motion.found().filter(|pause| pause.silent && has_force || pause.travel_m > least_m);
+        let within = |[from, to]: [f64; 2]| to > first_s && from < last_s;
+        let of_force = self.force.found().filter(|pause| within(pause.from_to_s) && pause.travel_m > least_m);
+        let mut all: Vec<[f64; 2]> = of_motion.chain(of_force).map(|pause| pause.from_to_s).collect();
+        all.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+        all.dedup_by(|next, kept| {
+            let same = next[0] <= kept[1];
+            kept[1] = if same { kept[1].max(next[1]) } else { kept[1] };
+            same
+        });
+        all
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::{DepthSample, ForceSample};
+
+    /// Holes of a motion and the forces.
+    fn holes(motion: &[DepthSample], forces: &[ForceSample]) -> Vec<[f64; 2]> {
+        let mut holes = Holes::new(false);
+        let mut forces = forces.iter().copied().peekable();
+        for depth in motion {
+            while let Some(force) = forces.next_if(|force| force.time_s < depth.time_s) {
+                holes.note(&Sample::Force(force));
+            }
+            holes.note(&Sample::Depth(*depth));
+        }
+        forces.for_each(|force| holes.note(&Sample::Force(force)));
+        holes.found()
+    }
 
     /// Insertion at 1 mm/s, a rest of 2 s, and retraction, at 100 Hz.
     fn motion() -> Vec<DepthSample> {
@@ -126,6 +168,6 @@ mod tests {
         assert_eq!(holes(&resting, &forces(&resting)).len(), 1, "the recorder was off");
         assert_eq!(holes(&all, &forces(&hole)).len(), 1, "no force while it moved");
         assert!(holes(&all, &forces(&resting)).is_empty(), "no force while it rested");
-        assert!(holes::<DepthSample, ForceSample>(&[], &[]).is_empty());
+        assert!(holes(&[], &[]).is_empty());
     }
 }

@@ -4,6 +4,8 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use super::holes::Holes;
+use super::order::Spread;
 use super::recording::{Changes, DepthSample, ForceSample, MarkerSample, PoseSample, Recording, RecordingError};
 use super::recording::{is_bag, seconds, tables};
 use super::selection::Selection;
@@ -72,10 +74,23 @@ pub struct Import<'a> {
     paths: &'a [PathBuf],
     said: &'a Selection,
     /// The tables, without their samples.
-    pub tables: Vec<Table>,
+    tables: Vec<Table>,
     /// The recording; its series are empty if it is read again as it is written.
     recording: Recording,
     changes: Option<Changes>,
+}
+
+/// A recording that was written, or only looked at.
+#[derive(Debug)]
+pub struct Imported {
+    /// The tables, without their samples.
+    pub tables: Vec<Table>,
+    /// The recording; without its series if it is long.
+    pub told: Recording,
+    /// Its series.
+    pub extents: Vec<Extent>,
+    /// The bag.
+    pub written: Option<Written>,
 }
 
 impl<'a> Import<'a> {
@@ -108,7 +123,7 @@ impl<'a> Import<'a> {
         Ok(Self { paths, said, tables, recording, changes: None })
     }
 
-    /// The recording; without its series if it is long.
+    /// The recording; without its series if it is long. Holes of a long one are known when it is written.
     #[must_use]
     pub fn told(&self) -> &Recording {
         &self.recording
@@ -118,28 +133,33 @@ impl<'a> Import<'a> {
     ///
     /// # Errors
     /// As [`Recording::write`]; [`TableError`] if a long table can't be read a second time.
-    pub fn write(
-        &self,
-        folder: Option<&Path>,
-        scene: Option<&str>,
-    ) -> Result<(Vec<Extent>, Option<Written>), RecordingError> {
-        let Some(changes) = &self.changes else {
+    pub fn write(mut self, folder: Option<&Path>, scene: Option<&str>) -> Result<Imported, RecordingError> {
+        let Some(changes) = self.changes.take() else {
             let written = folder.map(|folder| self.recording.write(folder, scene)).transpose()?;
-            return Ok((self.recording.extents(), written));
+            let extents = self.recording.extents();
+            return Ok(Imported { tables: self.tables, told: self.recording, extents, written });
         };
         let has = changes.counts.map(|count| count > 0);
         let mut topics = folder.map(|folder| Topics::create(&self.recording, has, folder, scene)).transpose()?;
-        let mut extents = Extents::default();
+        let (mut extents, mut holes) = (Extents::default(), Holes::new(!has[0]));
         let mut counts = [0; 4];
-        self.each(changes, |which, sample| {
+        self.each(&changes, |which, sample| {
             counts[which] += 1;
             extents.note(sample);
+            holes.note(sample);
             topics.as_mut().map_or(Ok(()), |topics| topics.write(sample).map_err(RecordingError::from))
         })?;
         if counts != changes.counts {
             return Err(self.changed().into());
         }
-        Ok((extents.found(), topics.map(Topics::finish).transpose()?))
+        let written = topics.map(Topics::finish).transpose()?;
+        let span = |k: usize| extents.0[k].as_ref().map(|extent| (extent.from_to_s[0], extent.from_to_s[1]));
+        let motion = match (span(0), span(1)) {
+            (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+            (one, other) => one.or(other),
+        };
+        self.recording.lose_times(motion, span(2), counts[2], holes);
+        Ok(Imported { tables: self.tables, told: self.recording, extents: extents.found(), written })
     }
 
     fn changed(&self) -> TableError {
@@ -153,100 +173,165 @@ impl<'a> Import<'a> {
         changes: &Changes,
         mut take: impl FnMut(usize, &Sample) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
-        let Changes { plan, .. } = changes;
+        let Changes { plan, counts, spreads, .. } = changes;
         let open = |k: usize| Pieces::open(&self.paths[k], self.said, k);
         let apart = plan.feeling.filter(|feeling| *feeling != plan.moving || plan.late_ns != 0);
         let feels = plan.feeling.is_some() && apart.is_none();
-        let mut motion = Queue { moves: true, feels, ..Queue::new(open(plan.moving)?) };
+        let mut motion = Queue { moves: true, feels, ..Queue::new(open(plan.moving)?, spreads) };
         let cell = apart.map(open).transpose()?;
-        let mut cell = cell.map(|pieces| Queue { feels: true, ..Queue::new(pieces) });
+        let mut cell = cell.map(|pieces| Queue { feels: true, ..Queue::new(pieces, spreads) });
         let origin_ns = self.recording.origin_ns;
         let at = |ns: i64| seconds(ns, origin_ns);
         loop {
-            motion.fill()?;
-            cell.as_mut().map_or(Ok(()), Queue::fill)?;
-            let forces = cell.as_mut().map_or(&mut motion.forces, |cell| &mut cell.forces);
-            let times = [
-                motion.depths.front().map(|s| at(s.0)),
-                motion.poses.front().map(|s| at(s.0)),
-                forces.front().map(|s| at(s.0.saturating_sub(plan.late_ns))),
-                motion.markers.front().map(|s| at(s.0)),
+            let of_cell = cell.as_ref().unwrap_or(&motion);
+            let late = |ns: i64| ns.saturating_sub(plan.late_ns);
+            let force = of_cell.forces.next(of_cell.latest).map(late);
+            let next = [
+                motion.depths.next(motion.latest),
+                motion.poses.next(motion.latest),
+                force,
+                motion.markers.next(motion.latest),
             ];
+            let times = [0, 1, 2, 3].map(|k| next[k].filter(|_| counts[k] > 0).map(at));
             let Some(which) = first(times) else { return Ok(()) };
             let time_s = times[which].unwrap_or_default();
-            match which {
-                0 => {
-                    let Some((_, depth_m)) = motion.depths.pop_front() else { return Ok(()) };
-                    take(0, &Sample::Depth(DepthSample { time_s, depth_m }))?;
-                }
-                1 => {
-                    let Some((_, pose)) = motion.poses.pop_front() else { return Ok(()) };
+            let is_read = match which {
+                0 => motion.depths.take(|depth_m| take(0, &Sample::Depth(DepthSample { time_s, depth_m }))),
+                1 => motion.poses.take(|pose| {
                     let Pose { tip, axis, roll_rad } = plan.frames.pose(pose);
-                    take(1, &Sample::Pose(PoseSample { time_s, tip, axis, roll_rad }))?;
-                }
-                2 => {
-                    let Some((_, force_n)) = forces.pop_front() else { return Ok(()) };
+                    take(1, &Sample::Pose(PoseSample { time_s, tip, axis, roll_rad }))
+                }),
+                2 => cell.as_mut().unwrap_or(&mut motion).forces.take(|force_n| {
                     let force_n = changes.force(force_n).ok_or_else(|| self.changed())?;
-                    take(2, &Sample::Force(ForceSample { time_s, force_n }))?;
-                }
-                _ => {
-                    let Some((_, positions)) = motion.markers.pop_front() else { return Ok(()) };
+                    take(2, &Sample::Force(ForceSample { time_s, force_n }))
+                }),
+                _ => motion.markers.take(|positions| {
                     let positions = positions.iter().map(|p| plan.frames.point(*p)).collect();
-                    take(3, &Sample::Markers(&MarkerSample { time_s, positions }))?;
-                }
+                    take(3, &Sample::Markers(&MarkerSample { time_s, positions }))
+                }),
+            };
+            match is_read {
+                Some(taken) => taken?,
+                None if which == 2 => cell.as_mut().unwrap_or(&mut motion).read_on()?,
+                None => motion.read_on()?,
             }
         }
     }
 }
 
-/// Samples of a table that were read and not taken. Its rows are in order of time, so while one of the queues holds a sample, the next
-/// sample of the table is in a queue.
+/// Samples of a series that were read and not taken.
+struct Line<V> {
+    /// How those of one stamp are spread; `None`: the first of them is taken.
+    spread: Option<Spread>,
+    ready: VecDeque<(i64, V)>,
+    /// The samples of the last stamp, while there may be more.
+    group: Vec<(i64, V)>,
+    is_first: bool,
+    ended: bool,
+}
+
+impl<V> Line<V> {
+    fn new(spread: Option<Spread>) -> Self {
+        Self { spread, ready: VecDeque::new(), group: Vec::new(), is_first: true, ended: false }
+    }
+
+    fn put(&mut self, samples: std::vec::Drain<'_, (i64, V)>) {
+        for sample in samples {
+            match self.group.first().map(|first| first.0) {
+                Some(stamp) if stamp == sample.0 && self.spread.is_none() => continue,
+                Some(stamp) if stamp != sample.0 => self.close(Some(sample.0)),
+                _ => {}
+            }
+            self.group.push(sample);
+        }
+    }
+
+    /// The samples of one stamp are complete; `next`: the next stamp.
+    fn close(&mut self, next: Option<i64>) {
+        let (stamp, count) = (self.group.first().map_or(0, |first| first.0), self.group.len());
+        let of = |spread: Spread| spread.times(stamp, count, next, self.is_first);
+        let (from, every) = self.spread.map_or((stamp, 0), of);
+        self.ready.extend(self.group.drain(..).zip(0..).map(|((_, value), k)| (from + every * k, value)));
+        self.is_first = false;
+    }
+
+    /// No further sample has a smaller stamp, ns; `latest`: the last one of the table. `None` at the end.
+    fn next(&self, latest: i64) -> Option<i64> {
+        let known = self.ready.front().or(self.group.first()).map(|sample| sample.0);
+        known.or_else(|| (!self.ended).then_some(latest))
+    }
+
+    /// Takes a sample, if one is complete.
+    fn take<R>(&mut self, take: impl FnOnce(V) -> R) -> Option<R> {
+        self.ready.pop_front().map(|(_, value)| take(value))
+    }
+}
+
+/// Samples of a table that were read and not taken.
 struct Queue<'a> {
-    pieces: Option<Pieces<'a>>,
+    pieces: Pieces<'a>,
     /// Whether depths, poses and markers are taken, and forces.
     moves: bool,
     feels: bool,
-    depths: VecDeque<(i64, f64)>,
-    poses: VecDeque<(i64, Pose)>,
-    forces: VecDeque<(i64, [f64; 3])>,
-    markers: VecDeque<(i64, Vec<[f64; 3]>)>,
+    /// Last stamp that was read, ns.
+    latest: i64,
+    depths: Line<f64>,
+    poses: Line<Pose>,
+    forces: Line<[f64; 3]>,
+    markers: Line<Vec<[f64; 3]>>,
 }
 
 impl<'a> Queue<'a> {
-    fn new(pieces: Pieces<'a>) -> Self {
-        let (depths, poses) = (VecDeque::new(), VecDeque::new());
-        let (forces, markers) = (VecDeque::new(), VecDeque::new());
-        Self { pieces: Some(pieces), moves: false, feels: false, depths, poses, forces, markers }
+    fn new(pieces: Pieces<'a>, spreads: &[Option<Spread>; 4]) -> Self {
+        let [depths, poses, forces, markers] = *spreads;
+        Self {
+            pieces,
+            moves: false,
+            feels: false,
+            latest: i64::MIN,
+            depths: Line::new(depths),
+            poses: Line::new(poses),
+            forces: Line::new(forces),
+            markers: Line::new(markers),
+        }
     }
 
-    fn is_empty(&self) -> bool {
-        self.depths.is_empty() && self.poses.is_empty() && self.forces.is_empty() && self.markers.is_empty()
-    }
-
-    /// Reads on if nothing is left.
-    fn fill(&mut self) -> Result<(), TableError> {
-        while self.is_empty()
-            && let Some(pieces) = &mut self.pieces
-        {
-            let Some(table) = pieces.next()? else {
-                self.pieces = None;
-                return Ok(());
-            };
-            if self.moves {
-                self.depths.extend(table.depths.drain(..));
-                self.poses.extend(table.poses.drain(..));
-                self.markers.extend(table.markers.drain(..));
-            }
-            if self.feels {
-                self.forces.extend(table.forces.drain(..));
-            }
-            // what is another table's here
-            table.depths.clear();
-            table.poses.clear();
-            table.forces.clear();
-            table.markers.clear();
+    /// Reads a piece.
+    fn read_on(&mut self) -> Result<(), TableError> {
+        let Some(table) = self.pieces.next()? else {
+            self.end();
+            return Ok(());
+        };
+        let last = [
+            table.depths.last().map(|s| s.0),
+            table.poses.last().map(|s| s.0),
+            table.forces.last().map(|s| s.0),
+            table.markers.last().map(|s| s.0),
+        ];
+        self.latest = last.into_iter().flatten().fold(self.latest, i64::max);
+        let (depths, poses) = (table.depths.drain(..), table.poses.drain(..));
+        let (forces, markers) = (table.forces.drain(..), table.markers.drain(..));
+        // what is not taken is another table's here
+        if self.moves {
+            self.depths.put(depths);
+            self.poses.put(poses);
+            self.markers.put(markers);
+        }
+        if self.feels {
+            self.forces.put(forces);
         }
         Ok(())
+    }
+
+    fn end(&mut self) {
+        fn end<V>(line: &mut Line<V>) {
+            line.close(None);
+            line.ended = true;
+        }
+        end(&mut self.depths);
+        end(&mut self.poses);
+        end(&mut self.forces);
+        end(&mut self.markers);
     }
 }
 
@@ -260,19 +345,21 @@ mod tests {
 
     /// What a command says of a table, the bag's bytes, and whether it was read twice.
     fn imported(least: u64, paths: &[PathBuf], said: &Selection, out: &Path) -> (String, Vec<Vec<u8>>, bool) {
-        let import = match Import::longer_than(least, paths, said) {
+        let import = || Import::longer_than(least, paths, said);
+        let first = match import() {
             Ok(import) => import,
             Err(error) => return (error.to_string(), Vec::new(), false),
         };
+        let twice = first.changes.is_some();
         let _ = fs::remove_dir_all(out);
-        let (extents, _) = import.write(Some(out), Some("compression")).unwrap();
-        let told = import.told();
-        let rows: Vec<_> = import.tables.iter().map(|t| (&t.layout, t.rows, t.bad, &t.columns)).collect();
+        let Imported { tables, told, extents, .. } = first.write(Some(out), Some("compression")).unwrap();
+        let rows: Vec<_> = tables.iter().map(|t| (&t.layout, t.rows, t.bad, &t.columns)).collect();
         let text = format!("{extents:?} {:?} {:?} {:?} {rows:?}", told.losses, told.warnings, told.force_frame);
-        assert_eq!(import.write(None, None).unwrap(), (extents, None), "a dry run says the same");
+        let dry = import().unwrap().write(None, None).unwrap();
+        assert_eq!((dry.extents, dry.told.losses), (extents, told.losses), "a dry run says the same");
         let mut files: Vec<PathBuf> = fs::read_dir(out).unwrap().map(|file| file.unwrap().path()).collect();
         files.sort();
-        (text, files.iter().map(|file| fs::read(file).unwrap()).collect(), import.changes.is_some())
+        (text, files.iter().map(|file| fs::read(file).unwrap()).collect(), twice)
     }
 
     /// Whether the tables are read twice; the same bag and the same words come of them as in memory.
@@ -313,9 +400,27 @@ mod tests {
         };
         assert!(of("gaps.csv", rows(&gaps)), "an empty cell is no reading");
         assert!(of("no_force.csv", rows(&|i| format!("{:.4},{:.5},\n", time(i), depth(i)))));
+        // holes, and stamps of several readings
+        let hole = |i: u32| format!("{:.4},{:.5},{:.5}\n", time(i + i / 9_000 * 900), depth(i), depth(i));
+        assert!(of("hole.csv", rows(&hole)));
+        let silent = |i: u32| {
+            let force = if (9_000..12_000).contains(&i) { "" } else { "0.1" };
+            format!("{:.4},{:.5},{force}\n", time(i), depth(i))
+        };
+        assert!(of("silent.csv", rows(&silent)));
+        assert!(of("resting.csv", rows(&|i| silent(i).replace(&format!("{:.5}", depth(i)), "0.5"))));
+        assert!(of("twice.csv", rows(&|i| format!("{:.4},{:.5},{:.5}\n", time(i / 2), depth(i), depth(i)))));
+        assert!(of("again.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", time(i / 2), depth(i / 2)))), "the same again");
+        assert!(of("whole.csv", rows(&|i| format!("{},{:.5},{:.5}\n", (i + 700) / 1000, depth(i), depth(i % 9)))));
+        assert!(of("uneven.csv", rows(&|i| format!("{:.1},{:.5},0.1\n", f64::from(i * i / 9_000) * 0.1, depth(i)))));
+        let columns = |i: u32| match i % 7 {
+            0 => format!("{:.3},{:.5},\n", time(i / 20), depth(i)),
+            5 => format!("{:.3},,\n", time(i / 20)),
+            _ => format!("{:.3},,{:.5}\n", time(i / 20), depth(i)),
+        };
+        assert!(of("columns.csv", rows(&columns)), "a column each at its own rate");
+        assert!(of("one.csv", rows(&|i| format!("5,{:.5},{:.5}\n", depth(i), depth(i)))));
         // what must be in memory
-        assert!(!of("hole.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", time(i + i / 20_000 * 900), depth(i)))));
-        assert!(!of("twice.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", time(i / 2), depth(i)))));
         assert!(!of("turned.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", time(i ^ 1), depth(i)))));
         let again = plain.clone() + "\n" + head + &plain;
         let two = file("two.csv", &(head.to_owned() + &again));

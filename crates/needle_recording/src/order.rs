@@ -1,10 +1,12 @@
 //! Sorts samples by their stamps. Small disorder is corrected; outlying stamps and a second recording are left out.
 
+use super::middle::Middle;
+
 /// Largest step in time that counts as disorder and is sorted, ns. A larger step back starts a second recording, or
 /// ends a sequence of outlying stamps.
 const DISORDER_NS: i64 = 1_000_000_000;
 /// Stamps this far from most others, ns, are outliers: no recording pauses for so long.
-const DAY_NS: i64 = 86_400 * 1_000_000_000;
+pub(super) const DAY_NS: i64 = 86_400 * 1_000_000_000;
 
 /// Stamps at the start are outliers if this many times more samples follow.
 const FEW: usize = 10;
@@ -32,13 +34,20 @@ pub(super) struct Ordered<V> {
     pub repeated: usize,
 }
 
+impl<V> Ordered<V> {
+    /// Samples of which nothing was changed.
+    pub(super) const fn untouched(samples: Samples<V>) -> Self {
+        Self { samples, spread: 0, one_time: 0, strays: 0, second: 0, sorted: false, repeated: 0 }
+    }
+}
+
 impl<V: PartialEq> Ordered<V> {
     /// Sorts samples given in the order of recording.
     pub(crate) fn new(samples: Samples<V>) -> Self {
         let follows = |pair: &[(i64, V)]| pair[0].0 < pair[1].0 && pair[1].0.saturating_sub(pair[0].0) < DAY_NS;
         // nothing is to be done of most recordings, and no copy of them to be made
         if samples.windows(2).all(follows) {
-            return Self { samples, spread: 0, one_time: 0, strays: 0, second: 0, sorted: false, repeated: 0 };
+            return Self::untouched(samples);
         }
         let all = samples.len();
         let (mut samples, second) = without_detours(of_one_time(samples));
@@ -59,35 +68,52 @@ impl<V: PartialEq> Ordered<V> {
     }
 }
 
-/// Distributes samples with the same stamp evenly up to the next stamp, and returns their number. The first and the
-/// last group of a recording may be incomplete: they get the spacing of the other groups.
+/// How samples with the same stamp are distributed evenly up to the next stamp. The first and the last group of a recording may be
+/// incomplete: they get the spacing of the other groups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Spread {
+    /// Usual time between stamps, ns.
+    step: i64,
+    /// Usual number of samples of one stamp.
+    usual: i64,
+}
+
+impl Spread {
+    /// `None` if all samples have one stamp.
+    pub(super) fn of(steps: &Middle, sizes: &Middle) -> Option<Self> {
+        Some(Self { step: steps.value()? as i64, usual: sizes.value()? as i64 })
+    }
+
+    /// Time of the first of some samples with one stamp, and from each to the next, ns; `next`: the next stamp.
+    pub(super) fn times(&self, stamp: i64, count: usize, next: Option<i64>, is_first: bool) -> (i64, i64) {
+        let (count, to_next) = (count as i64, next.map_or(self.step, |next| next - stamp));
+        if count < 2 {
+            return (stamp, 0);
+        }
+        let span = to_next.min(self.step);
+        let at_end = is_first || next.is_none();
+        let every = span / if at_end { self.usual.max(count) } else { count };
+        let late = if is_first && to_next == self.step { span - every * count } else { 0 };
+        (stamp + late, every)
+    }
+}
+
+/// Spreads samples with the same stamp, and returns their number.
 fn spread_out<V>(samples: &mut Samples<V>) -> usize {
     let groups: Vec<(i64, usize)> =
         samples.chunk_by(|a, b| a.0 == b.0).map(|group| (group[0].0, group.len())).collect();
-    let median = |mut of: Vec<i64>| {
-        of.sort_unstable();
-        of.get(of.len() / 2).copied()
-    };
-    let steps = groups.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
-    let (Some(step), Some(usual)) = (median(steps), median(groups.iter().map(|g| g.1 as i64).collect())) else {
-        return 0;
-    };
-    let (mut at, mut spread) = (0, 0);
-    for (number, &(time, count)) in groups.iter().enumerate() {
-        let next = groups.get(number + 1).map_or(time + step, |next| next.0);
-        let span = (next - time).min(step);
-        let at_end = [0, groups.len() - 1].contains(&number);
-        let every = if at_end { span / usual.max(count as i64) } else { span / count as i64 };
-        let late = if number == 0 && next - time == step { span - every * count as i64 } else { 0 };
-        if count > 1 {
-            spread += count - 1;
-            for (k, sample) in samples[at..at + count].iter_mut().enumerate() {
-                sample.0 = time + late + every * k as i64;
-            }
-        }
+    let (mut steps, mut sizes) = (Middle::default(), Middle::default());
+    groups.windows(2).for_each(|pair| steps.note((pair[1].0 - pair[0].0) as f64));
+    groups.iter().for_each(|(_, size)| sizes.note(*size as f64));
+    let Some(spread) = Spread::of(&steps, &sizes) else { return 0 };
+    let mut at = 0;
+    for (number, &(stamp, count)) in groups.iter().enumerate() {
+        let next = groups.get(number + 1).map(|next| next.0);
+        let (from, every) = spread.times(stamp, count, next, number == 0);
+        samples[at..at + count].iter_mut().zip(0..).for_each(|(sample, k)| sample.0 = from + every * k);
         at += count;
     }
-    spread
+    samples.len() - groups.len()
 }
 
 /// The largest group of samples without a pause of a day.

@@ -5,10 +5,11 @@ use super::Refusal;
 use super::clocks::{self, Census};
 use super::foreign::{ForeignError, WRENCHES, pose_of, wrench_of};
 use super::frame::{FrameError, Frames};
-use super::holes::holes;
+use super::holes::Holes;
+use super::order::Spread;
 use super::selection::{Selection, UnknownUnit};
-use super::series::{Held, Reading, Series, in_order};
-use super::table::{Steps, Table, TableError, refuse_options};
+use super::series::{self, Held, Reading, Series, in_order};
+use super::table::{Survey, Table, TableError, refuse_options};
 use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
 use super::unit::Dimension;
 use needle_core::instrument::reading::MeasuredAxes;
@@ -237,7 +238,8 @@ impl Recording {
         }
         let frames = Frames::of(said)?;
         let m_per_unit = if by_pose { said.position.scale(Dimension::Length, "--position-unit")? } else { 1.0 };
-        let mut reading = Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec() };
+        let mut reading =
+            Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec(), most: said.most_readings };
         let adapter = Adapter { joint: &names.joint, frame_id: &names.frame_id };
         let depths = reading.gather(joint_state, |message| {
             let m = position.as_ref().map_or_else(|| bag.decode(message), |source| source.convert(bag, message))?;
@@ -373,43 +375,45 @@ impl Recording {
     }
 
     /// A recording in tables that are only surveyed: all of it but the samples, and how each of them is to be changed. `None` if
-    /// its samples must be in memory to be understood: their stamps are not in order, there is a pause, or a force is not finite.
+    /// its samples must be in memory to be understood: their stamps are not in order, or a force is not finite.
     pub(super) fn of_surveys(read: &[Table], said: &Selection) -> Result<Option<(Self, Changes)>, RecordingError> {
         let plan = Plan::of(read, said)?;
-        let survey = |k: usize| read[k].survey.unwrap_or_default();
-        let (motion, cell) = (survey(plan.moving), plan.feeling.map(survey));
-        let in_use = [Some(motion), cell].into_iter().flatten();
-        let [depths, poses, _, markers] = motion.series;
-        let forces = cell.map_or_else(Steps::default, |cell| cell.series[2]);
+        let nothing = Survey::default();
+        let survey = |k: usize| read[k].survey.as_ref().unwrap_or(&nothing);
+        let motion = survey(plan.moving);
+        let cell = plan.feeling.map_or(&nothing, survey);
         let mut axes = MeasuredAxes::default();
-        let seen: Vec<[f64; 3]> = cell.map_or_else(Vec::new, |cell| {
-            let of = |bits: usize| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { 0.0 } else { f64::NAN });
-            (0..8).filter(|bits| cell.finite[*bits] > 0).map(of).collect()
-        });
+        let of = |bits: usize| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { 0.0 } else { f64::NAN });
+        let seen: Vec<[f64; 3]> = (0..8).filter(|bits| cell.finite[*bits] > 0).map(of).collect();
         seen.iter().for_each(|force| axes.note(force));
-        let is_plain = in_use.map(|survey| survey.rows).all(|rows| !rows.disordered)
-            && [depths, poses, forces].iter().all(|steps| steps.longest < NO_PAUSE_NS)
+        let (depths, poses, forces, markers) = (&motion.depths, &motion.poses, &cell.forces, &motion.markers);
+        let is_plain = [motion, cell].iter().all(|survey| !survey.rows.disordered)
+            && [depths.have_room(), poses.have_room(), forces.have_room(), markers.have_room()] == [true; 4]
             && seen.iter().all(|force| axes.force(*force).is_some());
         if !is_plain {
             return Ok(None);
         }
         let (mut losses, mut warnings) = told(read);
-        if let Some(cell) = plan.feeling.map(|k| &read[k]) {
+        let ordered = [depths.ordered(), poses.ordered(), markers.ordered(), forces.ordered()];
+        let file = |k: usize| read[k].file.as_str();
+        if let Some(cell) = plan.feeling {
             warnings.extend(axes.missing());
-            lose_unmeasured(&cell.file, 0, forces.count == 0, &mut losses);
+            lose_unmeasured(file(cell), 0, forces.count == 0, &mut losses);
         }
+        let files = [plan.moving, plan.moving, plan.moving, plan.feeling.unwrap_or(plan.moving)].map(file);
+        let each = files.into_iter().zip(&ordered);
+        each.for_each(|(file, (ordered, _))| series::told(file, ordered, &mut losses, &mut warnings));
         let late = |ns: i64| ns.saturating_sub(plan.late_ns);
-        let spans = [depths, poses, forces].map(|steps| steps.first_and_last());
-        let spans = [spans[0], spans[1], spans[2].map(|span| span.map(late))];
-        let origin_ns = spans.iter().flatten().map(|span| span[0]).min().unwrap_or(0);
-        let seconds = |[a, b]: [i64; 2]| (seconds(a, origin_ns), seconds(b, origin_ns));
+        let firsts = [depths.first(), poses.first(), forces.first().map(late)];
+        let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
         let nothing = Self::of(Stamped::default(), 0);
         let mut recording = Self { losses, warnings, origin_ns, ..nothing.told_by(read, said, &plan) };
         recording.warnings.dedup();
         let along = recording.turning(&plan.frames, axes);
-        recording.check_spans(spans[0].or(spans[1]).map(seconds), spans[2].map(seconds), forces.count);
-        let counts = [depths, poses, forces, markers].map(|steps| steps.count);
-        Ok(Some((recording, Changes { plan, axes, along, counts })))
+        let [depth, pose, marker, force] = ordered.map(|(_, left)| left);
+        let counts = [depth, pose, force, marker];
+        let spreads = [depths.spread(), poses.spread(), forces.spread(), markers.spread()];
+        Ok(Some((recording, Changes { plan, axes, along, counts, spreads })))
     }
 
     /// What the tables say beside their samples.
@@ -493,8 +497,14 @@ impl Recording {
         Ok(())
     }
 
-    /// Adds a loss if the load cell's data are from another time than the motion's.
-    fn check_spans(&mut self, motion: Option<(f64, f64)>, force: Option<(f64, f64)>, forces: usize) {
+    /// Adds a loss if the load cell's data are from another time than the motion's, and one for each hole.
+    pub(super) fn lose_times(
+        &mut self,
+        motion: Option<(f64, f64)>,
+        force: Option<(f64, f64)>,
+        forces: usize,
+        holes: Holes,
+    ) {
         if let (Some(motion), Some(force)) = (motion, force)
             && (force.0 > motion.1 || motion.0 > force.1)
         {
@@ -506,15 +516,7 @@ impl Recording {
             let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
             self.losses.push(Loss::Samples { topic, count: forces as u64, reason });
         }
-    }
-
-    /// Adds a loss if the load cell's data are from another time, and one for each hole.
-    fn check_times(&mut self) {
-        let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
-        let force = span(self.forces.iter().map(|s| s.time_s));
-        self.check_spans(motion, force, self.forces.len());
-        self.holes =
-            if self.depths.is_empty() { holes(&self.poses, &self.forces) } else { holes(&self.depths, &self.forces) };
+        self.holes = holes.found();
         let what =
             "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
         let hole = |[from, to]: &[f64; 2]| {
@@ -523,10 +525,16 @@ impl Recording {
         };
         self.losses.extend(self.holes.iter().map(hole));
     }
-}
 
-/// A longer step between the stamps of a series, ns, may be a hole: below the least that [`holes`] takes for a pause.
-const NO_PAUSE_NS: i64 = 249_999_000;
+    /// The same, of series in memory.
+    fn check_times(&mut self) {
+        let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
+        let force = span(self.forces.iter().map(|s| s.time_s));
+        let mut holes = Holes::new(self.depths.is_empty());
+        self.in_time().for_each(|sample| holes.note(&sample));
+        self.lose_times(motion, force, self.forces.len(), holes);
+    }
+}
 
 /// What the tables of a recording are for.
 pub(super) struct Plan {
@@ -578,8 +586,9 @@ pub(super) struct Changes {
     pub plan: Plan,
     axes: MeasuredAxes,
     along: Option<usize>,
-    /// Number of depths, poses, forces and markers.
+    /// Number of depths, poses, forces and markers, and how those of one stamp are spread.
     pub counts: [usize; 4],
+    pub spreads: [Option<Spread>; 4],
 }
 
 impl Changes {
@@ -648,7 +657,7 @@ fn in_no_file(read: &[Table]) -> Option<(&'static str, String)> {
 
 /// Values with their times, sorted.
 fn ordered<V: PartialEq>(
-    of: super::series::Gathered<V>,
+    of: series::Gathered<V>,
     base: clocks::Base,
     losses: &mut Vec<Loss>,
     warnings: &mut Vec<String>,
@@ -673,13 +682,16 @@ fn marked(m: &PoseArray, frame_id: &str) -> Result<Vec<[f64; 3]>, String> {
     Ok(m.poses.iter().map(|pose| pose.position.into()).collect())
 }
 
-/// Whether a path is a bag: a folder, or an MCAP file, compressed or not. Other bag formats count too; reading them
-/// gives an error that says what to do.
+/// Whether a path is a bag: a folder, or an MCAP file, compressed or not. Other bag formats count too, and what does not exist and
+/// has a name as of a folder; reading them gives an error that says what to do.
 #[must_use]
 pub fn is_bag(path: &Path) -> bool {
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let ends = [".mcap", ".mcap.zstd", ".mcap.zst", ".mcap.lz4", ".db3", ".db3.zstd", ".bag"];
-    path.is_dir() || ends.iter().any(|end| name.ends_with(end)) || name == "metadata.yaml" || !path.exists()
+    path.is_dir()
+        || ends.iter().any(|end| name.ends_with(end))
+        || name == "metadata.yaml"
+        || !path.exists() && path.extension().is_none()
 }
 
 /// Reads the files of a recording.

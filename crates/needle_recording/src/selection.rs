@@ -107,6 +107,8 @@ pub struct Selection {
     pub gauge_length_m: Option<f64>,
     /// Layout of the text.
     pub layout: TableLayout,
+    /// Readings of a series that are kept: of a longer one every second, fourth ... is taken. `None`: all.
+    pub most_readings: Option<usize>,
 }
 
 impl Selection {

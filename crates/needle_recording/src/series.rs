@@ -5,6 +5,7 @@ use std::fmt::Display;
 
 use super::clocks::Arrival;
 use super::order::Ordered;
+use super::thin::Thin;
 use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagReader, Loss, Message};
 
@@ -16,6 +17,8 @@ pub(super) struct Reading<'a> {
     pub bag: &'a BagReader,
     pub losses: Vec<Loss>,
     pub warnings: Vec<String>,
+    /// Readings of a series that are kept.
+    pub most: Option<usize>,
 }
 
 /// Stamped values (ns since 1970) and their frame.
@@ -57,6 +60,7 @@ impl Reading<'_> {
         let topic = &self.bag.topics()[number];
         gathered.topic.clone_from(&topic.name);
         let mut messages = self.bag.select(|t| t.name == topic.name && t.type_name == topic.type_name);
+        let mut thin = Thin::to(self.most);
         let mut left_out: BTreeMap<String, u64> = BTreeMap::new();
         let count = |of: &mut BTreeMap<String, u64>, reason: String| {
             let told_apart = of.len() < REASONS || of.contains_key(&reason);
@@ -69,11 +73,12 @@ impl Reading<'_> {
                 Ok((Held::Nothing(why), _)) => count(&mut gathered.nothing, why.to_string()),
                 Ok((Held::Value(value), header)) => {
                     let Message { publish_ns, log_ns, .. } = message;
-                    gathered.samples.push((Arrival { stamp: header.stamp, publish_ns, log_ns }, value));
+                    thin.take(&mut gathered.samples, (Arrival { stamp: header.stamp, publish_ns, log_ns }, value));
                     gathered.frame = header.frame_id;
                 }
             }
         }
+        self.warnings.extend(thin.warning(&topic.name));
         for loss in messages.losses() {
             if !self.losses.contains(loss) {
                 self.losses.push(loss.clone());
@@ -98,6 +103,12 @@ pub(super) fn in_order<V: PartialEq>(
     warnings: &mut Vec<String>,
 ) -> Vec<(i64, V)> {
     let ordered = Ordered::new(samples);
+    told(topic, &ordered, losses, warnings);
+    ordered.samples
+}
+
+/// Says what was changed and what was left out.
+pub(super) fn told<V>(topic: &str, ordered: &Ordered<V>, losses: &mut Vec<Loss>, warnings: &mut Vec<String>) {
     let mut lose = |count: usize, reason: &str| {
         if count > 0 {
             let (topic, count) = (topic.to_owned(), count as u64);
@@ -120,5 +131,4 @@ pub(super) fn in_order<V: PartialEq>(
         let count = ordered.repeated;
         warnings.push(format!("{topic}: {count} messages repeat another, stamp and value; each was taken once"));
     }
-    ordered.samples
 }

@@ -90,7 +90,7 @@ pub(super) fn find(bag: &BagReader, sought: &Sought) -> Result<Option<usize>, Ba
                 bag: bag.name().to_owned(),
                 wanted: format!("{} that stands out", sought.suffix),
                 available: format!("several of type {}: {}", bag.topics()[several[0]].type_name, names.join(", ")),
-                remedy: "Name the one to take".to_owned(),
+                remedy: format!("Name the one to take (--{})", sought.suffix.replace('_', "-")),
             })
         }
     }

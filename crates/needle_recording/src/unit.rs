@@ -22,11 +22,15 @@ impl Dimension {
                 ("s", 1.0),
                 ("sec", 1.0),
                 ("秒", 1.0),
+                ("с", 1.0),
+                ("сек", 1.0),
                 ("ms", 1e-3),
                 ("us", 1e-6),
                 ("ns", 1e-9),
                 ("min", 60.0),
                 ("h", 3600.0),
+                ("d", 86_400.0),
+                ("초", 1.0),
             ],
             Self::Length => &[
                 ("m", 1.0),
@@ -37,6 +41,7 @@ impl Dimension {
                 ("in", 0.0254),
                 ("inch", 0.0254),
                 ("毫米", 1e-3),
+                ("мм", 1e-3),
             ],
             Self::Force => &[
                 ("N", 1.0),
@@ -49,6 +54,9 @@ impl Dimension {
                 ("kg", GRAVITY),
                 ("lbf", 0.453_592_37 * GRAVITY),
                 ("牛", 1.0),
+                ("Н", 1.0),
+                ("мН", 1e-3),
+                ("кН", 1e3),
             ],
         }
     }
@@ -149,18 +157,24 @@ impl Dimension {
             let (_, rest) = header.rsplit_once(open)?;
             rest.split_once(close).map(|(unit, _)| unit)
         };
-        let behind = ['/', ',', '_', ' '].map(|c| header.rsplit_once(c).map(|(_, unit)| unit));
+        let behind = ['/', ',', '_', '.', ' '].map(|c| header.rsplit_once(c).map(|(_, unit)| unit));
         let found = [within('(', ')'), within('[', ']'), within('<', '>'), within('（', '）')]
             .into_iter()
             .chain(behind)
             .flatten();
         found.map(str::trim).find_map(|unit| {
-            // names in snake case have lower-case units: depth_m, force_n
-            let own = header.contains('_').then(|| self.units().iter().find(|(name, _)| name.to_lowercase() == unit));
+            // names in snake case have lower-case units: depth_m, force_n, and those of R: force.n
+            let own =
+                header.contains(['_', '.']).then(|| self.units().iter().find(|(name, _)| name.to_lowercase() == unit));
             let size = own.flatten().map(|(_, size)| *size).or_else(|| self.unit(unit))?;
             Some((unit.to_owned(), size))
         })
     }
+}
+
+/// Whether a text is a unit of time, length or force.
+pub(super) fn is_measure(text: &str) -> bool {
+    [Dimension::Time, Dimension::Length, Dimension::Force].iter().any(|d| d.unit(text).is_some())
 }
 
 /// Whether a cell may belong to a row of units: `(mm)`, `[N]`, `s`, `-`, `%`, or empty.
@@ -170,7 +184,7 @@ pub(super) fn is_unit(cell: &str) -> bool {
     bare.is_empty()
         || (cell.len() < 12 && [("(", ")"), ("[", "]")].iter().any(|(a, b)| cell.starts_with(a) && cell.ends_with(b)))
         || ["-", "%", "mm/mm", "kPa", "MPa", "Pa", "V", "mV", "°C", "mm/s", "mm/min", "N/mm", "N/s"].contains(&bare)
-        || [Dimension::Time, Dimension::Length, Dimension::Force].iter().any(|d| d.unit(bare).is_some())
+        || is_measure(bare)
 }
 
 #[cfg(test)]
@@ -180,7 +194,9 @@ mod tests {
     #[test]
     fn units_of_headers() {
         let of = |d: Dimension, text: &str| d.of_header(text).map(|(_, size)| size);
-        for text in ["Compression (mm)", "Extension [mm]", "Weg/mm", "depth_mm", "Position, mm", "Travel mm"] {
+        for text in
+            ["Compression (mm)", "Extension [mm]", "Weg/mm", "depth_mm", "Position, mm", "Travel mm", "depth.mm"]
+        {
             assert_eq!(of(Dimension::Length, text), Some(1e-3), "{text}");
         }
         assert_eq!(of(Dimension::Length, "Compression"), None);

@@ -144,7 +144,7 @@ impl Recording {
     }
 
     /// All samples in order of time; for equal times the motion's first.
-    fn in_time(&self) -> impl Iterator<Item = Sample<'_>> {
+    pub(super) fn in_time(&self) -> impl Iterator<Item = Sample<'_>> {
         let mut next = [0_usize; 4];
         std::iter::from_fn(move || {
             let [d, p, f, m] = next;

@@ -10,7 +10,7 @@ use super::metrics::{baselines_json, verdict_json};
 use super::picture::{Anchor, Colour, Pen, Picture, Type};
 use super::plot::{Axis, BLUE, End, INK, MUTED, Panel, VERMILION, label, legend};
 use super::unit::significant;
-use needle_estimate::baseline::Against;
+use needle_estimate::baseline::{Against, Standing};
 use needle_estimate::forecast::{Judged, Prediction};
 use serde_json::{Value, json};
 
@@ -119,9 +119,64 @@ fn standings(all: &[Forecasted]) -> [usize; 3] {
     [of(Against::Better), of(Against::AsGood), of(Against::Worse)]
 }
 
-/// What all recordings say together, in lines.
+/// All of it for a screen: a word and a line each.
 #[must_use]
-pub fn forecast_totals(all: &[Forecasted]) -> Vec<String> {
+pub fn forecast_lines(all: &[Forecasted]) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
+    for one in all {
+        let Some((prediction, judged)) = &one.made else {
+            lines.push(("failed", one.name.clone()));
+            continue;
+        };
+        let found: Vec<String> = prediction.calibration.estimates[..prediction.calibration.keys]
+            .iter()
+            .map(|e| format!("{} {:.5e}", e.name, e.value))
+            .collect();
+        lines.push((
+            "forecast",
+            format!("{}, scene {}, after {}: {}", one.name, one.scene, prediction.words, found.join(", ")),
+        ));
+        lines.extend(one.law.iter().map(|law| ("law", law.clone())));
+        lines.extend(prediction.correction.iter().map(|words| ("learnt", words.clone())));
+        if let Some(standing) = &judged.standing {
+            let share = |n: f64| if judged.peak_n > 0.0 { 100.0 * n / judged.peak_n } else { 0.0 };
+            let models: Vec<String> = std::iter::once(("twin", standing.twin_rmse_n))
+                .chain(judged.alone_rmse_n.map(|rmse| ("twin alone", rmse)))
+                .chain(standing.baselines.iter().map(|b| (b.name.as_str(), b.rmse_n)))
+                .map(|(name, rmse)| format!("{name} {:.1} %", share(rmse)))
+                .collect();
+            lines.push((
+                "error",
+                format!(
+                    "{} of the peak {:.4} N (root mean square, {} readings)",
+                    models.join(", "),
+                    judged.peak_n,
+                    standing.readings
+                ),
+            ));
+            let coverage = judged
+                .coverage
+                .map_or_else(String::new, |c| format!("; its band holds {:.0} % of the readings", 1e2 * c));
+            lines.push(("verdict", format!("{} than the best baseline{coverage}", against(standing))));
+        }
+    }
+    if all.len() > 1 {
+        lines.extend(forecast_totals(all).into_iter().map(|line| ("all", line)));
+    }
+    lines
+}
+
+fn against(standing: &Standing) -> &'static str {
+    match standing.against() {
+        Against::Better => "better",
+        Against::AsGood => "no better and no worse",
+        Against::Worse => "worse",
+        Against::NoMeasurement => "not comparable",
+    }
+}
+
+/// What all recordings say together, in lines.
+fn forecast_totals(all: &[Forecasted]) -> Vec<String> {
     let [better, as_good, worse] = standings(all);
     let line = |(name, errors): (&str, Vec<f64>)| {
         let close = errors.iter().filter(|e| **e <= CLOSE).count();
@@ -190,6 +245,7 @@ fn entry(one: &Forecasted) -> Value {
         "name": one.name,
         "scene": one.scene,
         "law": one.law,
+        "correction": prediction.correction,
         "failed": Value::Null,
         "losses": one.losses,
         "fitted_to": prediction.words,
@@ -199,6 +255,7 @@ fn entry(one: &Forecasted) -> Value {
         "peak_n": judged.peak_n,
         "readings": standing.map(|s| s.readings),
         "rmse_n": standing.map(|s| s.twin_rmse_n),
+        "twin_alone_rmse_n": judged.alone_rmse_n,
         "relative_rmse": standing.map(|s| s.twin_rmse_n / judged.peak_n).filter(|x| x.is_finite()),
         "baselines": baselines_json(standing),
         "against_baselines": standing.map_or(Against::NoMeasurement, |s| s.against()).as_str(),

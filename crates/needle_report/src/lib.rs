@@ -54,7 +54,7 @@ pub use calibration_json::calibration_json;
 pub use csv::{force_csv, targets_csv};
 pub use error::ReportError;
 pub use files::prepare;
-pub use forecast::{Forecasted, forecast_json, forecast_totals, write_forecast, write_prediction};
+pub use forecast::{Forecasted, forecast_json, forecast_lines, write_forecast, write_prediction};
 pub use layers_json::{layers_json, write_layers};
 pub use marker_fit::{marker_fit_json, write_marker_fit};
 pub use metrics::metrics_json;

@@ -164,11 +164,9 @@ impl Nulls<'_> {
     }
 
     fn steps_per_pose(&mut self) -> Value {
-        let answers = &self.run.answers;
-        let mean = answers.iter().map(|a| f64::from(a.steps)).sum::<f64>() / answers.len() as f64;
         json!({
-            "mean": self.number("steps_per_pose.mean", (!answers.is_empty()).then_some(mean), "no pose was answered"),
-            "max": answers.iter().map(|a| a.steps).max(),
+            "mean": self.number("steps_per_pose.mean", self.run.steps_per_pose(), "no pose was answered"),
+            "max": self.run.answers.iter().map(|a| a.steps).max(),
         })
     }
 
@@ -289,6 +287,7 @@ pub(super) fn baselines_json(standing: Option<&Standing>) -> Value {
             "readings": standing.readings,
             "rmse_n": baseline.rmse_n,
             "twin_rmse_n": standing.twin_rmse_n,
+            "twin_scaled_rmse_n": standing.scaled_rmse_n,
         })
     };
     let all = |standing: &Standing| standing.baselines.iter().map(|b| entry(standing, b)).collect::<Vec<Value>>();

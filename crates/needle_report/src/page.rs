@@ -2,7 +2,15 @@
 //!
 //! Text, figures and tables are in the page itself; its script draws the curves and the deformed sample.
 
-use super::{ReportError, embed, force_plot::way, line_plot, settings::settings_html, strain, svg::escaped, tables};
+use super::{
+    ReportError, embed,
+    force_plot::{force_plot, way},
+    line_plot,
+    settings::settings_html,
+    strain,
+    svg::escaped,
+    tables,
+};
 use needle_estimate::compare::{Pass, Run};
 use std::fmt::Write as _;
 
@@ -64,7 +72,7 @@ fn body(run: &Run, drawn: bool) -> String {
     if drawn {
         html.push_str("<div class=\"pair\">\n");
     }
-    let fallback = without_scripts(super::force_svg(run));
+    let fallback = without_scripts(force_plot(run).to_svg());
     chart(
         &mut html,
         "force-depth",

@@ -91,8 +91,7 @@ pub(super) fn cards(html: &mut String, run: &Run) {
         let rest = format!("median {}, most {} {unit}", shown(latency.p50), shown(latency.max));
         card(html, "Latency (p99)", Some(shown(latency.p99)), unit, Some(rest));
     }
-    if !run.answers.is_empty() {
-        let mean = run.steps as f64 / run.answers.len() as f64;
+    if let Some(mean) = run.steps_per_pose() {
         let step = run.step_us().map(|us| format!(", {} µs each", significant(us, 3))).unwrap_or_default();
         let rest = format!("{} in all{step}", count(run.steps));
         card(html, "Steps per pose", Some(significant(mean, 3)), "", Some(rest));

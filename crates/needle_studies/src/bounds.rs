@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use mtled::number::Number as _;
-use mtled::number::lanes::{LANES, Lanes, Loop, run};
+use mtled::number::{LANES, Lanes, Loop, run};
 
 /// Number of bytes read: more than the caches of one core hold, like the gradients of a model.
 const STREAM: usize = 16 << 20;

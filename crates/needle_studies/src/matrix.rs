@@ -206,7 +206,6 @@ impl Cell {
         let limit = Limit::new(budget_s, cancel);
         let way_in = Session::motion(&motion).take_while(|r| r.time_s <= depth_m / SPEED_M_PER_S + 1e-9);
         let Finished { run, twin, .. } = limit.watch(|watch| session.run(way_in, watch));
-        let poses = run.answers.len().max(1) as f64;
         let over = limit.is_over();
         let outcome = match &run.diverged {
             Some(reason) => format!("lost: {reason}"),
@@ -221,7 +220,7 @@ impl Cell {
             reached_m: run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max),
             real_time_factor: run.real_time_factor(),
             longest_pose_ms: run.latency_ms().map(|l| l.max),
-            steps_per_pose: Some(run.steps as f64 / poses),
+            steps_per_pose: run.steps_per_pose(),
             imbalance: Some(run.force_imbalance),
             step_error: if rests { step_error(twin, &run.answers) } else { None },
             outcome,

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::accuracy::Row;
-use super::tune::Tuned;
+use super::accuracy::{Row, StudyError};
+use needle_core::scene::Scene;
 use needle_estimate::compare::{Answer, Cancel, Watch};
 
 /// Number of finished runs whose mean time the next ones are expected to take.
@@ -39,6 +39,22 @@ pub struct Now {
     pub best: Option<Tuned>,
     begun: Option<Instant>,
     took: Vec<Duration>,
+}
+
+/// Result of the search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tuned {
+    /// The scene with the keys of the row.
+    pub scene: Scene,
+    /// The row that meets both requirements.
+    pub row: Row,
+}
+
+impl Tuned {
+    pub(super) fn of(scene: &Scene, row: Row) -> Result<Self, StudyError> {
+        let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(scene)? };
+        Ok(Self { scene: tuned, row })
+    }
 }
 
 impl Progress {

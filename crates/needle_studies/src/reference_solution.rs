@@ -1,11 +1,10 @@
 //! Reference solution for the predictions of a scene: independent finite elements if there are any, and otherwise the
 //! scene's own model on a much finer cloud.
 
-use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError, Watched};
+use super::accuracy::{COMPARED_FROM, Case, Driven, MOST_STEPS, Steps, StudyError, Watched};
 use super::composites::{COMPOSITES, Composite, posed};
 use super::progress::Progress;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
-use super::tune::MOST_STEPS;
 use needle_core::scene::{Motion, Override, Preset, Scene, Target};
 
 /// Ratio of the fine cloud's spacing to the scene's, in a half plane.

@@ -17,8 +17,9 @@
 //!
 //! The half plane is tried before three dimensions, if the scene's `discretisation.dimension` allows both.
 
-use super::accuracy::{COMPARED_FROM, Case, Driven, Row, Steps, StudyError, Watched};
+use super::accuracy::{COMPARED_FROM, Case, Driven, MOST_STEPS, Row, Steps, StudyError, Watched};
 use super::progress::Progress;
+pub use super::progress::Tuned;
 use super::reference_solution::ReferenceSolution;
 use needle_core::scene::{Dimension, Override, Scene};
 use needle_estimate::compare::{Keep, Session};
@@ -29,8 +30,6 @@ const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
 const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 /// Steps per pose that are tried, few first.
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
-/// Largest number of steps per pose at a scene's own pace: the key's default.
-pub(super) const MOST_STEPS: u32 = 2000;
 /// Number of discretisations whose steps per pose are varied.
 const FINALISTS: usize = 4;
 /// Largest share of the time between two poses for the mean pose; the rest is reserved for other load.
@@ -68,22 +67,6 @@ impl Goal {
     /// The scene with the required rate of poses.
     pub fn asked_of(&self, scene: &Scene) -> Result<Scene, StudyError> {
         Ok(scene.with(&[Override::text("motion.pose_hz", &self.pose_hz.to_string(), "tune")])?)
-    }
-}
-
-/// Result of the search.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tuned {
-    /// The scene with the keys of the row.
-    pub scene: Scene,
-    /// The row that meets both requirements.
-    pub row: Row,
-}
-
-impl Tuned {
-    fn of(scene: &Scene, row: Row) -> Result<Self, StudyError> {
-        let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(scene)? };
-        Ok(Self { scene: tuned, row })
     }
 }
 

@@ -131,9 +131,7 @@ pub(crate) fn calibrate(
         let work = |cancel: &mut Cancel| -> PyResult<_> {
             let built = needle_core::twin::Twin::new(&scene);
             let twin = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
-            if let Some(what) =
-                scale::mistaken(&twin, &readings, &measured, recorded.scene.as_deref()).filter(|_| !force)
-            {
+            if let Some(what) = scale::mistaken(&twin, &readings, &measured, Some(&*recorded)).filter(|_| !force) {
                 return Err(RecordingError::new_err(in_python(&what)));
             }
             fitting::calibrate(&task, cancel, &mut |_| {}).map_err(failed)

@@ -89,7 +89,9 @@ pub(crate) fn in_python(message: &str) -> String {
             _ => text += &format!("{}=", name.replace('-', "_")),
         }
         text += &option[name.len()..];
-        text += rest;
+        // a value follows its option after a blank
+        let given = |rest: &&str| rest.starts_with(|c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '-');
+        text += rest.strip_prefix(' ').filter(|_| !name.is_empty()).filter(given).unwrap_or(rest);
     }
     text
 }

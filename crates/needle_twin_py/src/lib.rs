@@ -11,6 +11,7 @@ mod calibration;
 mod ensemble;
 mod error;
 mod memory;
+mod plan;
 mod recording;
 mod run;
 mod scene;
@@ -37,6 +38,7 @@ fn _needle_twin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(run::replay, module)?)?;
     module.add_function(wrap_pyfunction!(calibration::calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(calibration::layers, module)?)?;
+    module.add_function(wrap_pyfunction!(plan::plan, module)?)?;
     module.add_function(wrap_pyfunction!(tune::tune, module)?)?;
     error::register(module)
 }

@@ -1,9 +1,11 @@
 //! Tables in memory: columns by their headers, frames and arrays, as the text that a table is read from.
 
+use std::fmt::Write as _;
+
 use needle_recording::TableLayout;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyMapping};
+use pyo3::types::{PyDict, PyList, PyMapping, PySlice};
 
 /// A table as text.
 pub(crate) struct Memory {
@@ -59,43 +61,56 @@ pub(crate) fn of(given: &Bound<'_, PyAny>) -> PyResult<Option<Memory>> {
         return Err(PyValueError::new_err("an array of a recording has two dimensions: a row for each reading"));
     }
     let columns = given.getattr("T")?.try_iter()?.map(|column| column.map(|column| (String::new(), column)));
-    let text = of_columns(given.py(), &columns.collect::<PyResult<Vec<_>>>()?)?;
-    let (_, text) = text.split_once('\n').unwrap_or_default();
-    Ok(Some(Memory { name: "the array", text: text.to_owned(), headers: false }))
+    let mut text = of_columns(given.py(), &columns.collect::<PyResult<Vec<_>>>()?)?;
+    text.drain(..=text.find('\n').unwrap_or_default());
+    Ok(Some(Memory { name: "the array", text, headers: false }))
 }
 
-fn of_columns(py: Python<'_>, columns: &[(String, Bound<'_, PyAny>)]) -> PyResult<String> {
+/// Rows of which the cells are objects of Python at once.
+const ROWS: usize = 1 << 14;
+
+fn of_columns<'py>(py: Python<'py>, columns: &[(String, Bound<'py, PyAny>)]) -> PyResult<String> {
     let numpy = py.import("numpy")?;
-    let list = |(_, column): &(String, Bound<'_, PyAny>)| {
-        let cells = numpy.call_method1("asarray", (column,))?.call_method0("tolist")?;
-        let cells = cells.cast_into::<PyList>().map_err(|_| PyValueError::new_err("a column is a list of cells"))?;
-        cells.iter().map(|cell| text_of(&cell)).collect::<PyResult<Vec<String>>>()
+    let array = |(_, column): &(String, Bound<'py, PyAny>)| {
+        let array = numpy.call_method1("asarray", (column,))?;
+        let rows = array.len().map_err(|_| PyValueError::new_err("a column is a list of cells"))?;
+        Ok::<_, PyErr>((array, rows))
     };
-    let cells = columns.iter().map(list).collect::<PyResult<Vec<_>>>()?;
-    let rows = cells.first().map_or(0, Vec::len);
-    if let Some((name, other)) = columns.iter().map(|c| &c.0).zip(&cells).find(|(_, cells)| cells.len() != rows) {
-        let (first, other) = (&columns[0].0, other.len());
+    let arrays = columns.iter().map(array).collect::<PyResult<Vec<_>>>()?;
+    let rows = arrays.first().map_or(0, |(_, rows)| *rows);
+    if let Some(((name, _), (_, other))) = columns.iter().zip(&arrays).find(|(_, (_, other))| *other != rows) {
+        let first = &columns[0].0;
         return Err(PyValueError::new_err(format!(
             "column {name:?} has {other} rows, and {first:?} has {rows}: give readings of two rates as two files"
         )));
     }
     let mut text = columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",");
-    for row in 0..rows {
-        text.push('\n');
-        text += &cells.iter().map(|column| column[row].as_str()).collect::<Vec<_>>().join(",");
+    for from in (0..rows).step_by(ROWS) {
+        let part = PySlice::new(py, from as isize, (from + ROWS).min(rows) as isize, 1);
+        let list = |(array, _): &(Bound<'py, PyAny>, usize)| {
+            Ok::<_, PyErr>(array.get_item(&part)?.call_method0("tolist")?.cast_into::<PyList>()?)
+        };
+        let lists = arrays.iter().map(list).collect::<PyResult<Vec<_>>>()?;
+        for row in 0..(rows - from).min(ROWS) {
+            for (column, list) in lists.iter().enumerate() {
+                text.push(if column == 0 { '\n' } else { ',' });
+                add(&list.get_item(row)?, &mut text)?;
+            }
+        }
     }
     text.push('\n');
     Ok(text)
 }
 
 /// A cell as it stands in a table: all digits of a number, and nothing where nothing was measured.
-fn text_of(cell: &Bound<'_, PyAny>) -> PyResult<String> {
+fn add(cell: &Bound<'_, PyAny>, text: &mut String) -> PyResult<()> {
     match cell.extract::<f64>() {
-        Ok(number) if number.is_nan() => Ok(String::new()),
-        Ok(number) => Ok(format!("{number}")),
-        Err(_) if cell.is_none() => Ok(String::new()),
-        Err(_) => Ok(quoted(&cell.str()?.extract::<String>()?)),
+        Ok(number) if number.is_nan() => {}
+        Ok(number) => write!(text, "{number}").map_err(|error| PyValueError::new_err(error.to_string()))?,
+        Err(_) if cell.is_none() => {}
+        Err(_) => text.push_str(&quoted(&cell.str()?.extract::<String>()?)),
     }
+    Ok(())
 }
 
 fn quoted(text: &str) -> String {

@@ -106,10 +106,11 @@ impl Recording {
             markers: marker_columns.0,
             gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
             layout: TableLayout { separator, decimal_comma, header_line, comment, block, sheet },
+            most_readings: None,
         };
         if let Some(memory) = memory::of(paths)? {
             memory.lay_out(&mut selection.layout);
-            return Self::of_memory(&memory, &selection, pose_wanted);
+            return Self::of_memory(memory, &selection, pose_wanted);
         }
         Self::open(&files(paths)?, &selection, pose_wanted)
     }
@@ -200,9 +201,9 @@ impl Recording {
             .map_err(|e| RecordingError::new_err(in_python(&e.to_string())))
     }
 
-    fn of_memory(memory: &Memory, selection: &Selection, pose_wanted: bool) -> PyResult<Self> {
+    fn of_memory(memory: Memory, selection: &Selection, pose_wanted: bool) -> PyResult<Self> {
         let error = |e: &dyn std::fmt::Display| RecordingError::new_err(in_python(&e.to_string()));
-        let bytes = memory.text.clone().into_bytes();
+        let bytes = memory.text.into_bytes();
         let table = Table::from_bytes(Path::new(memory.name), bytes, selection, 0).map_err(|e| error(&e))?;
         let recording = needle_recording::Recording::of_tables(&mut [table], selection).map_err(|e| error(&e))?;
         Ok(Self { recording, pose_wanted })
@@ -217,7 +218,7 @@ pub(crate) fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) ->
     if let Some(memory) = memory::of(given)? {
         let mut selection = Selection::default();
         memory.lay_out(&mut selection.layout);
-        return work(&Recording::of_memory(&memory, &selection, false)?);
+        return work(&Recording::of_memory(memory, &selection, false)?);
     }
     work(&Recording::open(&files(given)?, &Selection::default(), false)?)
 }

@@ -205,7 +205,8 @@ pub(crate) fn replay(
         let measured = recorded.measured();
         let readings = recorded.readings(given.pose_wanted);
         let look = |twin: &needle_core::twin::Twin, readings: &[Reading]| {
-            let found = scale::mistaken(twin, readings, &measured, recorded.scene.as_deref());
+            let found = scale::mistaken(twin, readings, &measured, Some(&*recorded))
+                .or_else(|| scale::untared(twin, readings, &measured));
             found.filter(|_| !force).map_or(Ok(()), |what| Err(RecordingError::new_err(in_python(&what))))
         };
         let asked = Asked { threads, size: Size { members, seed }, command: "replay" };

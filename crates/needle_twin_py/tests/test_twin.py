@@ -153,6 +153,20 @@ def test_a_twin_is_pickled_as_its_scene(small):
     assert pickle.loads(pickle.dumps(twin)).nodes == twin.nodes
 
 
+def test_a_planned_needle_meets_its_target():
+    coarse = {"discretisation.spacing_m": 0.004, "motion.speed_m_per_s": 0.01, "motion.pose_hz": 50}
+    needle = needle_twin.Scene("needle_insertion", coarse)
+    scene, told = needle_twin.plan(needle, "beside_path", tilt_rad=[0.0, 0.1], tolerance_m=1e-4)
+    assert told["met"] and told["plan"]["miss_m"] <= min(1e-4, told["straight"]["miss_m"]) and told["runs"] >= 1
+    assert scene["motion.depth_m"] == pytest.approx(told["plan"]["depth_m"])
+    entry = [scene["instrument.entry_x_m"], scene["instrument.entry_y_m"]]
+    assert entry == pytest.approx(told["plan"]["entry_m"], abs=1e-9)
+    with pytest.raises(needle_twin.BuildError, match="no target is called"):
+        needle_twin.plan(needle, "nothing")
+    with pytest.raises(ValueError, match="radius_m = -1"):
+        needle_twin.plan(needle, "beside_path", radius_m=-1.0)
+
+
 def test_a_tolerance_that_is_none_is_refused(small):
     with pytest.raises(ValueError, match="0.02 for 2 %"):
         needle_twin.tune(small, tolerance=2.0)

@@ -73,7 +73,7 @@ fn run() -> Result<(), String> {
             return Ok(());
         }
     };
-    limit(plan.memory_bytes).map_err(|e| e.to_string())?;
+    survey::limit(plan.memory_bytes).map_err(|e| e.to_string())?;
     spawn("node's end", outlive_the_node_briefly).map_err(|e| e.to_string())?;
     let (voice, lines) = Voice::listen(plan.verbosity);
     let uplink = Arc::new(Uplink::new(socket.try_clone().map_err(|e| e.to_string())?));
@@ -100,23 +100,6 @@ fn outlive_the_node_briefly() {
     }
     std::thread::sleep(Duration::from_secs(1));
     std::process::exit(1);
-}
-
-/// A limit on what the process may take, and no core of its memory on the disk.
-#[cfg(target_os = "linux")]
-pub(super) fn limit(bytes: u64) -> io::Result<()> {
-    use rustix::process::{Resource, Rlimit, setrlimit};
-    // What `ps` calls it, else `exe`: it is not worth an error.
-    let _ = std::fs::write("/proc/self/comm", "middleware");
-    let to = |limit| Rlimit { current: Some(limit), maximum: Some(limit) };
-    setrlimit(Resource::Core, to(0))?;
-    setrlimit(Resource::Data, to(bytes))?;
-    Ok(())
-}
-
-#[cfg(not(target_os = "linux"))]
-pub(super) fn limit(_bytes: u64) -> io::Result<()> {
-    Ok(())
 }
 
 /// Everything on the network.
@@ -275,7 +258,7 @@ impl Domain {
         };
         // fails only where sockets do, which the watch detects as not receiving
         let knock = || drop(knocker.send_to(&voice.knock(), ear));
-        let ebbed = look_after(watch, &ticks, knock, &readers, uplink, voice, lines);
+        let ebbed = look_after(watch, &ticks, knock, uplink, voice, lines);
         // Not smol's own, which looks after sockets and timers too, and wakes a hundred times a second for it.
         smol::future::block_on(executor.run(smol::future::or(node_gone, ebbed)));
         drop((tasks, ticks));
@@ -331,7 +314,6 @@ async fn look_after(
     mut watch: Watch,
     ticks: &smol::channel::Receiver<()>,
     knock: impl Fn(),
-    readers: &ReplyReaders,
     uplink: &Uplink,
     voice: &Voice,
     lines: &Receiver<(u8, String)>,
@@ -339,7 +321,6 @@ async fn look_after(
     while ticks.recv().await.is_ok() {
         uplink.send(Head { flag: u8::from(voice.heard() > 0), ..Head::new(Kind::Pulse) }, &[]);
         lines.try_iter().for_each(|line| uplink.relay(line));
-        readers.look_again();
         if voice.misled() {
             let reason = "was told of messages that no publisher has sent, and may be deaf for true ones";
             return uplink.text(Kind::Farewell, reason);

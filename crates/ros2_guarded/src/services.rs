@@ -8,7 +8,7 @@ use ros2_client::dds::rustdds::no_key::DataWriterCdr;
 use ros2_client::dds::rustdds::rpc::SampleIdentity;
 use ros2_client::dds::rustdds::{GUID, QosPolicies, SequenceNumber, Timestamp, TopicKind, WriteOptionsBuilder};
 use ros2_client::{Client, Context, MessageInfo, Node, QosProfile, RmwRequestId, Subscription};
-use smol::channel::{Receiver, Sender};
+use smol::channel::Receiver;
 
 use super::uplink::Uplink;
 use super::wire::{Head, Kind, UNSTAMPED, caller, caller_of};
@@ -19,6 +19,11 @@ use crate::throttle::Throttle;
 const ANSWERS: Duration = Duration::from_millis(20);
 /// Answers and calls that may wait.
 pub(super) const ORDERS: usize = 1024;
+/// Time between two looks for the readers of answers that wait.
+const LOOK: Duration = Duration::from_millis(5);
+/// Time from a match to the first answer that is written. RustDDS reports a match and then tells the reader the number of its
+/// newest message. An answer that is written in between has that number. To Cyclone DDS it is history, which is discarded.
+const SETTLING: Duration = Duration::from_millis(30);
 /// An answer waits so long for its caller's reader to be discovered: on a busy machine, discovery takes seconds.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Time between two lines on answers that nobody reads.
@@ -101,17 +106,11 @@ pub(super) fn reply_topic(service: &str) -> String {
 /// A caller has a writer and a reader, and discovery tells of one after the other: a call can be here before it is known
 /// who reads its answer. What is written by then is lost, since answers are volatile, so it waits, as it does in the
 /// middlewares of ROS.
+#[derive(Default)]
 pub(super) struct ReplyReaders {
-    /// Each with its topic, "" until discovery has told it, and whether a writer of the node is matched with it. Of the two the
+    /// Each with its topic, "" until discovery has told it, and the time of its match with a writer of the node. Of the two the
     /// match may be told first.
-    known: RefCell<BTreeMap<GUID, (String, bool)>>,
-    news: (Sender<()>, Receiver<()>),
-}
-
-impl Default for ReplyReaders {
-    fn default() -> Self {
-        Self { known: RefCell::default(), news: smol::channel::bounded(1) }
-    }
+    known: RefCell<BTreeMap<GUID, (String, Option<Instant>)>>,
 }
 
 impl ReplyReaders {
@@ -122,25 +121,21 @@ impl ReplyReaders {
         }
     }
 
-    /// A writer of the node is matched with a reader. What waits goes at the next look and not at once: the reader's side
-    /// tells of it a moment before it takes anything (Cyclone DDS).
+    /// A writer of the node is matched with a reader.
     pub(crate) fn matched(&self, reader: GUID) {
-        self.known.borrow_mut().entry(reader).or_default().1 = true;
+        self.known.borrow_mut().entry(reader).or_default().1.get_or_insert_with(Instant::now);
     }
 
     pub(crate) fn forget(&self, gone: impl Fn(GUID) -> bool) {
         self.known.borrow_mut().retain(|reader, _| !gone(*reader));
     }
 
-    /// Makes who waits look again.
-    pub(crate) fn look_again(&self) {
-        // Full: there is news already.
-        let _ = self.news.0.try_send(());
-    }
-
-    fn has(&self, caller: GUID, topic: &str) -> bool {
+    /// Whether an answer on this topic reaches the caller at this time.
+    fn has(&self, caller: GUID, topic: &str, now: Instant) -> bool {
+        let ready = |matched: Instant| now.saturating_duration_since(matched) >= SETTLING;
+        let of_caller = |reader: &GUID, of: &str| reader.prefix == caller.prefix && of == topic;
         let known = self.known.borrow();
-        known.iter().any(|(reader, (of, matched))| *matched && reader.prefix == caller.prefix && of == topic)
+        known.iter().any(|(reader, (of, matched))| matched.is_some_and(ready) && of_caller(reader, of))
     }
 }
 
@@ -182,18 +177,22 @@ pub(super) async fn obey(
     let may_go = |order: &Order| {
         let served = servers.iter().find(|s| s.number == order.head.endpoint);
         order.head.kind != Kind::Response
-            || served.is_none_or(|s| readers.has(GUID::from_bytes(caller_of(&order.head.stamp).0), &s.replies))
+            || served.is_none_or(|s| {
+                readers.has(GUID::from_bytes(caller_of(&order.head.stamp).0), &s.replies, Instant::now())
+            })
     };
     let mut waiting: VecDeque<(Instant, Order)> = VecDeque::new();
     let mut unread = Throttle::new(COMPLAINTS);
     loop {
         let order = async { Some(orders.recv().await) };
-        let news = async {
-            // Its sender lives as long as `readers`.
-            let _ = readers.news.1.recv().await;
+        let look = async {
+            if waiting.is_empty() {
+                smol::future::pending::<()>().await;
+            }
+            smol::Timer::after(LOOK).await;
             None
         };
-        match smol::future::or(order, news).await {
+        match smol::future::or(order, look).await {
             Some(Ok(order)) => waiting.push_back((Instant::now(), order)),
             Some(Err(_)) => return,
             None => {}
@@ -203,9 +202,11 @@ pub(super) async fn obey(
             let waits = surplus == 0 && since.elapsed() < PATIENCE && !may_go(order);
             surplus = surplus.saturating_sub(1);
             if since.elapsed() >= PATIENCE && !may_go(order) && unread.pass().is_some() {
-                let text =
-                    "an answer of a service has found no reader, and is lost: its caller has gone, or does not listen";
-                uplink.log(log::Level::Warn, text);
+                let topic = servers.iter().find(|s| s.number == order.head.endpoint).map_or("", |s| &s.replies);
+                let text = format!(
+                    "no reader of `{topic}` for an answer, which is lost: its caller has gone, or does not listen"
+                );
+                uplink.log(log::Level::Warn, &text);
             }
             if !waits && !send(order, servers, clients) {
                 uplink.log(log::Level::Warn, "a call or an answer of a service could not be sent");
@@ -235,16 +236,18 @@ mod tests {
         let reader = |n: u8| GUID::from_bytes([n; 16]);
         for matched_first in [true, false] {
             let readers = ReplyReaders::default();
-            let has = || readers.has(reader(1), "rr/twin/resetReply");
+            let settled = || Instant::now() + SETTLING;
+            let has = || readers.has(reader(1), "rr/twin/resetReply", settled());
             if matched_first {
                 readers.matched(reader(1));
             }
             readers.detected(reader(1), "rr/twin/resetReply");
             assert_eq!(has(), matched_first);
+            let before = Instant::now();
             readers.matched(reader(1));
-            assert!(
-                has() && !readers.has(reader(1), "rr/twin/tareReply") && !readers.has(reader(2), "rr/twin/resetReply")
-            );
+            assert!(matched_first || !readers.has(reader(1), "rr/twin/resetReply", before), "not yet settled");
+            let other = |n: u8, topic: &str| readers.has(reader(n), topic, settled());
+            assert!(has() && !other(1, "rr/twin/tareReply") && !other(2, "rr/twin/resetReply"));
             readers.forget(|guid| guid == reader(1));
             assert!(!has());
         }

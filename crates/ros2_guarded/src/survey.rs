@@ -17,7 +17,6 @@ use ros2_client::{Context, MessageTypeName, NodeName, NodeOptions};
 use serde::{Deserialize, Serialize};
 
 use crate::loopback;
-use crate::process::limit;
 use crate::qos;
 use crate::signals::Signals;
 
@@ -157,6 +156,23 @@ fn listen(domain: u16, localhost: bool, time: Duration) -> Result<Survey, String
 fn heard(dds_topic: &str, dds_type: &str) -> Option<Heard> {
     let topic = dds_topic.strip_prefix("rt")?.starts_with('/').then(|| dds_topic[2..].to_owned())?;
     Some(Heard { topic, type_name: crate::graph::ros_type(dds_type) })
+}
+
+/// A limit on what the process may take, and no core of its memory on the disk.
+#[cfg(target_os = "linux")]
+pub(super) fn limit(bytes: u64) -> io::Result<()> {
+    use rustix::process::{Resource, Rlimit, setrlimit};
+    // What `ps` calls it, else `exe`: it is not worth an error.
+    let _ = std::fs::write("/proc/self/comm", "middleware");
+    let to = |limit| Rlimit { current: Some(limit), maximum: Some(limit) };
+    setrlimit(Resource::Core, to(0))?;
+    setrlimit(Resource::Data, to(bytes))?;
+    Ok(())
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) fn limit(_bytes: u64) -> io::Result<()> {
+    Ok(())
 }
 
 #[cfg(test)]

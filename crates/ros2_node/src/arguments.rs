@@ -7,10 +7,12 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+pub use super::logging::LogArguments;
 use super::logging::Severity;
 use super::names::{self, NameError};
+pub use super::names::{Remap, RemapKind};
+pub use super::parameter_file::ParameterOverride;
 use super::parameter_file::{self, YamlError};
-use ros2_client::ParameterValue;
 
 /// Why the ROS part of a command line is not valid. All of these are usage errors (exit code 2).
 #[derive(Debug, thiserror::Error)]
@@ -77,58 +79,6 @@ pub enum ArgumentError {
         /// The text.
         level: String,
     },
-}
-
-/// Kind of a remap rule.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum RemapKind {
-    /// `__node:=name` (or `__name:=name`).
-    NodeName,
-    /// `__ns:=/namespace`.
-    Namespace,
-    /// `from:=to`: topics and services.
-    TopicOrService(String),
-    /// `rostopic://from:=to`.
-    Topic(String),
-    /// `rosservice://from:=to`.
-    Service(String),
-}
-
-/// One `-r` rule.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Remap {
-    /// Node that the rule is for; `None`: every node.
-    pub node: Option<String>,
-    /// The names that are replaced.
-    pub kind: RemapKind,
-    /// The new name.
-    pub to: String,
-}
-
-/// One parameter set on the command line (or in a file named on it).
-#[derive(Clone, Debug, PartialEq)]
-pub struct ParameterOverride {
-    /// Fully qualified node name pattern: `/**` is every node, `*` is one token of a name.
-    pub node_pattern: String,
-    /// Name, dotted.
-    pub name: String,
-    /// Value with its YAML type.
-    pub value: ParameterValue,
-    /// Source of the value: `-p` or `file:line`.
-    pub origin: String,
-}
-
-/// Log arguments.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LogArguments {
-    /// `--log-level LEVEL`, the last one.
-    pub level: Option<Severity>,
-    /// `--log-level LOGGER:=LEVEL`.
-    pub loggers: Vec<(String, Severity)>,
-    /// `--enable-rosout-logs` or `--disable-rosout-logs`.
-    pub rosout: Option<bool>,
-    /// `--enable-stdout-logs` or `--disable-stdout-logs`.
-    pub stdout: Option<bool>,
 }
 
 /// The ROS part of a command line.
@@ -322,6 +272,7 @@ fn parameter(assignment: &str) -> Result<ParameterOverride, ArgumentError> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use ros2_client::ParameterValue;
 
     fn parse(line: &str) -> Result<(Vec<String>, RosArguments), ArgumentError> {
         split(line.split_whitespace().map(OsString::from))

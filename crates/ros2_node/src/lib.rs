@@ -13,6 +13,7 @@ pub mod clock;
 mod declaration;
 mod endpoint;
 pub mod environment;
+mod error;
 pub mod lifecycle;
 pub mod lifecycle_services;
 pub mod logger_services;

@@ -18,8 +18,6 @@ use tracing::{Event, Level, Metadata, Subscriber};
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
-use super::arguments::LogArguments;
-
 pub use ros2_guarded::Throttle;
 
 /// Severity with ROS 2's numbers.
@@ -67,6 +65,31 @@ impl Severity {
             Level::WARN => Self::Warn,
             Level::INFO => Self::Info,
             _ => Self::Debug,
+        }
+    }
+}
+
+/// Log arguments.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LogArguments {
+    /// `--log-level LEVEL`, the last one.
+    pub level: Option<Severity>,
+    /// `--log-level LOGGER:=LEVEL`.
+    pub loggers: Vec<(String, Severity)>,
+    /// `--enable-rosout-logs` or `--disable-rosout-logs`.
+    pub rosout: Option<bool>,
+    /// `--enable-stdout-logs` or `--disable-stdout-logs`.
+    pub stdout: Option<bool>,
+}
+
+impl LogArguments {
+    /// Level up to which lines of the middleware are shown, from 1 (error) to 5 (trace).
+    pub(crate) fn verbosity(&self) -> u8 {
+        match self.loggers.iter().map(|(_, level)| *level).min() {
+            Some(Severity::Debug) => 4,
+            Some(Severity::Info) => 3,
+            Some(Severity::Warn) => 2,
+            _ => 1,
         }
     }
 }

@@ -3,8 +3,6 @@
 //! Every name in the program is expanded here to a fully qualified one (`/or1/twin/reset`). The middleware supports
 //! neither `~` nor remapping.
 
-use super::arguments::{Remap, RemapKind, RosArguments};
-
 /// Why a name is not a ROS 2 name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{name}` is not a ROS 2 name: {reason}")]
@@ -76,6 +74,32 @@ pub enum Endpoint {
     Service,
 }
 
+/// Kind of a remap rule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RemapKind {
+    /// `__node:=name` (or `__name:=name`).
+    NodeName,
+    /// `__ns:=/namespace`.
+    Namespace,
+    /// `from:=to`: topics and services.
+    TopicOrService(String),
+    /// `rostopic://from:=to`.
+    Topic(String),
+    /// `rosservice://from:=to`.
+    Service(String),
+}
+
+/// One `-r` rule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Remap {
+    /// Node that the rule is for; `None`: every node.
+    pub node: Option<String>,
+    /// The names that are replaced.
+    pub kind: RemapKind,
+    /// The new name.
+    pub to: String,
+}
+
 /// The node's own name, and the remap rules for the names that it uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Names {
@@ -89,15 +113,15 @@ impl Names {
     ///
     /// # Errors
     /// [`NameError`] if the default name is not one.
-    pub fn new(default_node: &str, arguments: &RosArguments) -> Result<Self, NameError> {
+    pub fn new(default_node: &str, remaps: &[Remap]) -> Result<Self, NameError> {
         check_token(default_node)?;
         let first = |kind: &RemapKind, node: &str| {
             let applies = |rule: &&Remap| rule.kind == *kind && rule.node.as_deref().is_none_or(|n| n == node);
-            arguments.remaps.iter().find(applies).map(|rule| rule.to.clone())
+            remaps.iter().find(applies).map(|rule| rule.to.clone())
         };
         let node = first(&RemapKind::NodeName, default_node).unwrap_or_else(|| default_node.to_owned());
         let namespace = first(&RemapKind::Namespace, &node).unwrap_or_else(|| "/".to_owned());
-        Ok(Self { namespace, node, remaps: arguments.remaps.clone() })
+        Ok(Self { namespace, node, remaps: remaps.to_vec() })
     }
 
     /// Namespace, starting with `/`.
@@ -182,7 +206,7 @@ mod tests {
 
     fn names(line: &str) -> Names {
         let (_, ros) = arguments::split(line.split_whitespace().map(Into::into)).unwrap();
-        Names::new("twin", &ros).unwrap()
+        Names::new("twin", &ros.remaps).unwrap()
     }
 
     #[test]

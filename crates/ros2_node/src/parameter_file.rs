@@ -16,8 +16,6 @@ use ros2_client::ParameterValue;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::Spanned;
 
-use super::arguments::ParameterOverride;
-
 /// Size limit of parameter files, bytes.
 const MAX_BYTES: u64 = 4 << 20;
 /// Largest nesting depth of names.
@@ -45,6 +43,19 @@ pub enum YamlError {
         /// What is wrong.
         reason: String,
     },
+}
+
+/// One parameter set on the command line (or in a file named on it).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterOverride {
+    /// Fully qualified node name pattern: `/**` is every node, `*` is one token of a name.
+    pub node_pattern: String,
+    /// Name, dotted.
+    pub name: String,
+    /// Value with its YAML type.
+    pub value: ParameterValue,
+    /// Source of the value: `-p` or `file:line`.
+    pub origin: String,
 }
 
 /// A YAML node with the line of every value.

@@ -19,13 +19,14 @@ use ros2_client::{MessageTypeName, QosProfile, ServiceMapping};
 use super::arguments::{ParameterOverride, RosArguments};
 pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
-use super::names::{self, Endpoint, NameError, Names};
+use super::error::NodeError;
+pub use super::error::ParticipantError;
+use super::names::{self, Endpoint, Names};
 use super::parameter::{Parameter, parameters};
 use super::parameters::{Declaration, Parameters};
 use super::qos::{self, Side};
 use super::recorder::{Recorder, Recording, Tap};
 use super::service::{Client, Mapping, Service};
-use super::start::{NodeError, verbosity};
 use ros2_guarded::Bell;
 use ros2_guarded::{Health, Inlets, Link, Mailbox, Middleware, Plan, Quality, Role};
 use ros2_messages::RosMessage;
@@ -34,33 +35,6 @@ use ros2_messages::type_hash;
 
 /// Queue length for a QoS that keeps all messages.
 const KEEP_ALL: usize = 4096;
-
-/// Why a node can't join the network.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ParticipantError {
-    /// The middleware reported an error.
-    #[error("{what}: {reason}")]
-    Middleware {
-        /// What was to be created.
-        what: String,
-        /// The error of the middleware.
-        reason: String,
-    },
-    /// An invalid name.
-    #[error(transparent)]
-    Name(#[from] NameError),
-    /// A QoS override is not valid.
-    #[error("{origin}: parameter `{name}`: {reason}")]
-    Qos {
-        /// Source of the override.
-        origin: String,
-        /// Name of the override.
-        name: String,
-        /// What would be valid.
-        reason: String,
-    },
-}
 
 fn refuse(what: impl Into<String>) -> impl FnOnce(String) -> ParticipantError {
     let what = what.into();
@@ -116,7 +90,7 @@ impl Participant {
             namespace: names.namespace().to_owned(),
             node: names.node().to_owned(),
             memory_bytes: mebibytes(MIDDLEWARE_MEMORY_MIB.default()),
-            verbosity: verbosity(arguments),
+            verbosity: arguments.log.verbosity(),
             hears: false,
             predecessor: None,
             zenoh: environment.zenoh.clone(),
@@ -147,7 +121,7 @@ impl Participant {
     ///
     /// # Errors
     /// [`NodeError`] if it can't be started.
-    pub fn start_recording(&mut self) -> Result<Option<Recording>, NodeError> {
+    pub(crate) fn start_recording(&mut self) -> Result<Option<Recording>, NodeError> {
         self.recorder.take().map(Recorder::start).transpose()
     }
 
@@ -387,7 +361,7 @@ impl Participant {
     }
 
     /// QoS overrides that name no endpoint of this node.
-    pub fn unused_qos_overrides(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn unused_qos_overrides(&self) -> impl Iterator<Item = &str> {
         self.overrides.iter().filter(|(_, used)| !used).map(|(o, _)| o.name.as_str())
     }
 }

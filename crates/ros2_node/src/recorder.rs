@@ -15,9 +15,9 @@ use ros2_client::qos::{Durability, History, Reliability};
 use serde::Serialize;
 
 use super::clock::wall_nanos;
+use super::error::NodeError;
 use super::parameter::{Parameter, parameters};
 use super::parameters::Parameters;
-use super::start::NodeError;
 use named_threads::spawn;
 use ros2_messages::schema::Schema;
 use ros2_messages::to_cdr;

@@ -1,81 +1,24 @@
 //! Common start of the nodes: arguments, environment, names, log.
 
 use std::ffi::OsString;
+use std::sync::Arc;
 
 use ros2_client::ServiceMapping;
 
-use super::arguments::{self, ArgumentError, ParameterOverride, RosArguments};
-use super::environment::{Environment, EnvironmentError, Reach};
-use super::logging::{self, Severity};
-use super::names::{NameError, Names};
+use super::arguments::{self, ParameterOverride, RosArguments};
+use super::environment::{Environment, Reach};
+use super::error::ParticipantError;
+pub use super::error::{FAILURE, LOSSES, NodeError, SUCCESS, USAGE};
+use super::logging;
+use super::names::Names;
 use super::parameter::{Parameter, Typed, parameters};
-use super::parameters::{Declaration, ParameterError, Parameters};
-use super::participant::{Participant, ParticipantError};
+use super::parameters::{Declaration, Parameters};
+use super::participant::Participant;
+use super::recorder::Recording;
 use super::rosout::Rosout;
 use super::service::Mapping;
 use ros2_client::ParameterValue;
-
-/// Exit code of a success.
-pub const SUCCESS: u8 = 0;
-/// Exit code of a failure.
-pub const FAILURE: u8 = 1;
-/// Exit code of a wrong command line or environment.
-pub const USAGE: u8 = 2;
-/// Exit code of a run that completed, but lost data or diverged.
-pub const LOSSES: u8 = 3;
-
-/// Why a node can't start or continue.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum NodeError {
-    /// Invalid command line.
-    #[error(transparent)]
-    Argument(#[from] ArgumentError),
-    /// Invalid environment.
-    #[error(transparent)]
-    Environment(#[from] EnvironmentError),
-    /// Invalid name.
-    #[error(transparent)]
-    Name(#[from] NameError),
-    /// Invalid parameter.
-    #[error(transparent)]
-    Parameter(#[from] ParameterError),
-    /// Error of the network.
-    #[error(transparent)]
-    Participant(#[from] ParticipantError),
-    /// Error of the middleware process.
-    #[error(transparent)]
-    Guard(#[from] ros2_guarded::GuardError),
-    /// No thread could be started.
-    #[error(transparent)]
-    Thread(#[from] named_threads::ThreadError),
-    /// Error of the program itself.
-    #[error(transparent)]
-    Program(Box<dyn std::error::Error + Send + Sync>),
-    /// Any other error; the text is complete.
-    #[error("{0}")]
-    Other(String),
-    /// Usage error; the text is complete.
-    #[error("{0}")]
-    Usage(String),
-}
-
-impl NodeError {
-    /// An error of the program itself.
-    pub fn program(error: impl std::error::Error + Send + Sync + 'static) -> Self {
-        Self::Program(Box::new(error))
-    }
-
-    /// Exit code of the program.
-    #[must_use]
-    pub const fn exit_code(&self) -> u8 {
-        match self {
-            Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
-            Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
-            Self::Participant(_) | Self::Guard(_) | Self::Thread(_) | Self::Program(_) | Self::Other(_) => FAILURE,
-        }
-    }
-}
+use ros2_guarded::signals::Signals;
 
 /// State of a node before it joins the network.
 pub struct Start {
@@ -95,14 +38,14 @@ pub struct Start {
 ///
 /// # Errors
 /// [`NodeError`] naming the cause.
-pub fn start(
+fn start(
     default_name: &str,
     program: &'static str,
     arguments: impl IntoIterator<Item = OsString>,
 ) -> Result<Start, NodeError> {
     let (own, ros) = arguments::split(arguments)?;
     let environment = Environment::read()?;
-    let names = Names::new(default_name, &ros)?;
+    let names = Names::new(default_name, &ros.remaps)?;
     let node = names.fully_qualified();
     let rosout = Rosout::new(
         logging::install(&node, program, &ros.log, environment.log_folder.as_deref()),
@@ -122,16 +65,57 @@ impl Start {
     ///
     /// # Errors
     /// [`ParticipantError`].
-    pub fn participant(&mut self) -> Result<Participant, ParticipantError> {
+    pub fn participant(&mut self, parameters: &Parameters) -> Result<Participant, ParticipantError> {
         let mut participant = Participant::new(self.names.clone(), &self.environment, &self.ros)?;
         if self.ros.log.rosout.unwrap_or(true) {
             self.rosout.offer(&mut participant)?;
         }
+        participant.set_mapping(mapping(parameters, &self.environment));
         Ok(participant)
     }
 
+    /// Gives a parameter of every node a value that an argument of the program itself has.
+    pub fn set(&mut self, parameter: Parameter<String>, value: String, origin: &str) {
+        self.ros.parameters.push(ParameterOverride {
+            node_pattern: "/**".to_owned(),
+            name: parameter.name().to_owned(),
+            value: ParameterValue::String(value),
+            origin: origin.to_owned(),
+        });
+    }
+
+    /// The parameters with the values that they were given; logs what is wrong with those and does not keep the node from starting.
+    ///
+    /// # Errors
+    /// [`ParameterError`](super::parameters::ParameterError).
+    pub fn declare(&self, declarations: Vec<Declaration>) -> Result<Arc<Parameters>, NodeError> {
+        let node = self.names.fully_qualified();
+        let (parameters, warnings) = Parameters::declare(declarations, &self.ros.parameters, &node)?;
+        for warning in warnings {
+            tracing::warn!("{warning}");
+        }
+        Ok(Arc::new(parameters))
+    }
+
+    /// Joins the network with the endpoints that were asked for, and begins to record if that is asked for.
+    ///
+    /// # Errors
+    /// [`NodeError`] naming what can't be created, and why.
+    pub fn join(
+        &self,
+        participant: &mut Participant,
+        parameters: &Arc<Parameters>,
+    ) -> Result<Option<Recording>, NodeError> {
+        for unused in participant.unused_qos_overrides() {
+            tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
+        }
+        participant.start(Some(parameters))?;
+        self.announce(mapping(parameters, &self.environment));
+        participant.start_recording()
+    }
+
     /// Logs once who can reach the node: everyone within its range can do everything that a peer can do.
-    pub fn announce(&self, mapping: Mapping) {
+    fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
             _ if self.environment.zenoh.is_some() => {
                 "this machine over Zenoh, and by whoever its Zenoh router lets in: they can read, send poses, change parameters and stop the node"
@@ -149,6 +133,27 @@ impl Start {
             mapping.describe(),
         );
     }
+}
+
+/// Runs a node's program, says on stderr why it fails, and returns its exit code. Call it before any thread is started: threads inherit
+/// the mask of its signals. `arguments` does not include the program's name.
+pub fn run(
+    program: &str,
+    [node, target]: [&'static str; 2],
+    arguments: impl IntoIterator<Item = OsString>,
+    node_of: impl FnOnce(Start, &Signals) -> Result<u8, NodeError>,
+) -> u8 {
+    let signals = match Signals::block() {
+        Ok(signals) => signals,
+        Err(error) => {
+            eprintln!("{program}: signals can't be blocked: {error}");
+            return FAILURE;
+        }
+    };
+    start(node, target, arguments).and_then(|start| node_of(start, &signals)).unwrap_or_else(|error| {
+        eprintln!("{program}: {}", terminal::line(&error.to_string()));
+        error.exit_code()
+    })
 }
 
 parameters! {
@@ -187,23 +192,12 @@ pub fn common_declarations() -> Vec<Declaration> {
 }
 
 /// The mapping that the parameter requests.
-#[must_use]
-pub fn mapping(parameters: &Parameters, environment: &Environment) -> Mapping {
+fn mapping(parameters: &Parameters, environment: &Environment) -> Mapping {
     match parameters.get(SERVICE_MAPPING).as_str() {
         _ if environment.zenoh.is_some() => Mapping::Zenoh,
         "enhanced" => Mapping::Fixed(ServiceMapping::Enhanced),
         "cyclone" => Mapping::Fixed(ServiceMapping::Cyclone),
         _ => Mapping::OfCaller(environment.mapping),
-    }
-}
-
-/// Level up to which lines of the middleware are shown, from 1 (error) to 5 (trace).
-pub(crate) fn verbosity(arguments: &RosArguments) -> u8 {
-    match arguments.log.loggers.iter().map(|(_, level)| *level).min() {
-        Some(Severity::Debug) => 4,
-        Some(Severity::Info) => 3,
-        Some(Severity::Warn) => 2,
-        _ => 1,
     }
 }
 

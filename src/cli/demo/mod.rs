@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let recording = Recording::from_reader(&embedded::needle_insertion()?, &TopicNames::default())?;
     let folder = OutputFolder::prepare(&arguments.out)?;
     if arguments.no_dds {
-        let run = replay::offline(&scene, &recording, "demo")?;
+        let run = replay::offline(&scene, recording, "demo")?;
         return deliver(&run, &folder);
     }
     // Before anything starts a thread: RustDDS must not see a signal.

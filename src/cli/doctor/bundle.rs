@@ -7,8 +7,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::privacy::Mask;
-use super::row::Group;
-use super::{json, text};
+use super::row::{Group, json, text};
 use crate::cli::CliError;
 
 /// Variables whose values are shown: none of them names people, machines or places.
@@ -38,9 +37,10 @@ doctor.txt, doctor.json   the findings, as text and for programs
 version.txt               version of the program
 environment.txt           variables of ROS 2 and of the program that are set
 
-The name of the user, the home folder, the name of the machine, and network and hardware addresses are replaced by <user>, ~, <host>
-and <address>. Variables that may name other machines are listed without their values. Names of nodes and topics on the ROS domain are
-in the findings as they were heard. Look at the files before you publish them.
+The name of the user, the home folder, other folders in use, the name of the machine, and network and hardware addresses
+are replaced by <user>, ~, <folder>, <host> and <address>. Variables that may name other machines are listed without their
+values. Names of nodes and topics on the ROS domain are in the findings as they were heard. Look at the files before you
+publish them.
 ";
 
 /// Writes it.

@@ -17,13 +17,11 @@ mod ros;
 mod row;
 mod scheduling;
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::json;
 
-use self::row::{Group, Verdict};
+use self::row::{Group, Verdict, json, text, worst};
 use super::{CliError, Outcome, print};
 
 /// Say whether this machine will do, and what to change: versions, processor, ROS environment, other nodes, ports
@@ -62,39 +60,6 @@ fn look() -> Vec<Group> {
     ];
     groups.extend(ros::groups());
     groups
-}
-
-fn count(groups: &[Group], verdict: Verdict) -> usize {
-    groups.iter().flat_map(|group| &group.rows).filter(|row| row.verdict == verdict).count()
-}
-
-fn worst(groups: &[Group]) -> Verdict {
-    groups.iter().flat_map(|group| &group.rows).map(|row| row.verdict).max().unwrap_or(Verdict::Ok)
-}
-
-/// A line for each finding, below it what to change.
-fn text(groups: &[Group]) -> String {
-    let mut text = String::new();
-    let width = groups.iter().flat_map(|group| &group.rows).map(|row| row.name.chars().count()).max().unwrap_or(0);
-    for group in groups {
-        let _ = writeln!(text, "{}", group.subject); // a String takes everything
-        for row in &group.rows {
-            let value = terminal::line(&row.value);
-            let _ = writeln!(text, "  {}  {:width$}  {value}", row.verdict.word(), terminal::line(&row.name));
-            if let Some(advice) = &row.advice {
-                let _ = writeln!(text, "           {}", terminal::line(advice));
-            }
-        }
-    }
-    let [problems, notes] = [Verdict::Problem, Verdict::Note].map(|verdict| count(groups, verdict));
-    let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
-    let _ = writeln!(text, "{}, {}", plural(problems, "problem"), plural(notes, "note"));
-    text
-}
-
-fn json(groups: &[Group]) -> String {
-    let [problems, notes] = [Verdict::Problem, Verdict::Note].map(|verdict| count(groups, verdict));
-    format!("{:#}\n", json!({ "verdict": worst(groups), "problems": problems, "notes": notes, "groups": groups }))
 }
 
 #[cfg(test)]

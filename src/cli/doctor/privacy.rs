@@ -1,7 +1,8 @@
-//! Takes out of a text what names a person or a machine: user, home folder, host, hardware and network addresses.
+//! Takes out of a text what names a person or a machine: user, folders, host, hardware and network addresses.
 
 use std::fs;
 use std::net::{Ipv4Addr, Ipv6Addr};
+use std::path::Path;
 
 /// Addresses that every machine has, and that say nothing of one: the loopback, all addresses, and the group of DDS.
 const COMMON: [Ipv4Addr; 3] = [Ipv4Addr::LOCALHOST, Ipv4Addr::UNSPECIFIED, Ipv4Addr::new(239, 255, 0, 1)];
@@ -30,10 +31,14 @@ impl Mask {
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         let short = host.split('.').next().map(ToOwned::to_owned);
         let hosts = [variable("HOSTNAME"), short, Some(host)];
+        // a folder of work may be named after a patient
+        let here = std::env::current_dir().ok().map(|path| path.to_string_lossy().into_owned());
+        let used = [here, variable("PWD"), variable("ROS_LOG_DIR"), variable("ROS_HOME")];
         Self::new(
             users.into_iter().flatten(),
             hosts.into_iter().flatten(),
             [variable("HOME"), field(5)].into_iter().flatten(),
+            used.into_iter().flatten(),
         )
     }
 
@@ -41,12 +46,18 @@ impl Mask {
         users: impl Iterator<Item = String>,
         hosts: impl Iterator<Item = String>,
         homes: impl Iterator<Item = String>,
+        used: impl Iterator<Item = String>,
     ) -> Self {
         let mut words: Vec<_> = hosts.filter(|host| host != "localhost").map(|host| (host, "<host>")).collect();
         words.extend(users.map(|user| (user, "<user>")));
         words.retain(|(word, _)| !word.is_empty());
         words.sort_by_key(|(word, _)| std::cmp::Reverse(word.len()));
         let mut folders: Vec<_> = homes.filter(|home| home.len() > 1).map(|home| (home, "~")).collect();
+        // below the home folder the rest of the way tells where it is
+        let elsewhere =
+            |folder: &String| folder.len() > 1 && !folders.iter().any(|(home, _)| Path::new(folder).starts_with(home));
+        let used: Vec<_> = used.filter(elsewhere).map(|folder| (folder, "<folder>")).collect();
+        folders.extend(used);
         folders.sort_by_key(|(folder, _)| std::cmp::Reverse(folder.len()));
         Self { words, folders }
     }
@@ -114,8 +125,9 @@ mod tests {
 
     fn masked(text: &str) -> String {
         let own = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>().into_iter();
-        Mask::new(own(&["ada", "Ada Byron"]), own(&["lab-7", "lab-7.example.org", "localhost"]), own(&["/home/ada"]))
-            .apply(text)
+        let used = own(&["/data/patient_7", "/home/ada/runs", "/"]);
+        let hosts = own(&["lab-7", "lab-7.example.org", "localhost"]);
+        Mask::new(own(&["ada", "Ada Byron"]), hosts, own(&["/home/ada"]), used).apply(text)
     }
 
     #[test]
@@ -126,6 +138,13 @@ mod tests {
             "/var/<user>/x <host>:4711 adaptive /home/adam"
         );
         assert_eq!(masked("localhost"), "localhost");
+    }
+
+    #[test]
+    fn folders_in_use_go() {
+        assert_eq!(masked("in /data/patient_7/log, / and ~"), "in <folder>/log, / and ~");
+        assert_eq!(masked("/data/patient_77"), "/data/patient_77");
+        assert_eq!(masked("/home/ada/runs/1"), "~/runs/1");
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn control_group_files(name: &str) -> Vec<String> {
 
 /// The vector instructions that the solver takes.
 fn vectors() -> Row {
-    match mtled::number::lanes::instructions() {
+    match mtled::number::instructions() {
         Some(name) => Row::ok("vectors", format!("{name}, eight numbers at once")),
         None if cfg!(target_arch = "x86_64") => Row::note(
             "vectors",

@@ -1,6 +1,9 @@
 //! What was looked at, what was found, and what to do about it.
 
+use std::fmt::Write as _;
+
 use serde::Serialize;
+use serde_json::json;
 
 /// How something is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -60,4 +63,37 @@ pub(super) struct Group {
     pub subject: &'static str,
     /// The findings.
     pub rows: Vec<Row>,
+}
+
+fn count(groups: &[Group], verdict: Verdict) -> usize {
+    groups.iter().flat_map(|group| &group.rows).filter(|row| row.verdict == verdict).count()
+}
+
+pub(super) fn worst(groups: &[Group]) -> Verdict {
+    groups.iter().flat_map(|group| &group.rows).map(|row| row.verdict).max().unwrap_or(Verdict::Ok)
+}
+
+/// A line for each finding, below it what to change.
+pub(super) fn text(groups: &[Group]) -> String {
+    let mut text = String::new();
+    let width = groups.iter().flat_map(|group| &group.rows).map(|row| row.name.chars().count()).max().unwrap_or(0);
+    for group in groups {
+        let _ = writeln!(text, "{}", group.subject); // a String takes everything
+        for row in &group.rows {
+            let value = terminal::line(&row.value);
+            let _ = writeln!(text, "  {}  {:width$}  {value}", row.verdict.word(), terminal::line(&row.name));
+            if let Some(advice) = &row.advice {
+                let _ = writeln!(text, "           {}", terminal::line(advice));
+            }
+        }
+    }
+    let [problems, notes] = [Verdict::Problem, Verdict::Note].map(|verdict| count(groups, verdict));
+    let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
+    let _ = writeln!(text, "{}, {}", plural(problems, "problem"), plural(notes, "note"));
+    text
+}
+
+pub(super) fn json(groups: &[Group]) -> String {
+    let [problems, notes] = [Verdict::Problem, Verdict::Note].map(|verdict| count(groups, verdict));
+    format!("{:#}\n", json!({ "verdict": worst(groups), "problems": problems, "notes": notes, "groups": groups }))
 }

@@ -12,15 +12,17 @@ use indicatif::ProgressBar;
 
 use super::super::interrupt::Interrupt;
 use super::super::output::OutputFolder;
+use super::super::progress::bar;
 use super::super::shard::Shard;
 use super::super::{CliError, Outcome, print, scene_file, warn};
-use super::{PRESETS, bar};
 use needle_core::scene::{Method, Scene};
 use needle_studies::accuracy::{self, Case, Extent, Row, StudyError, Table};
 use needle_studies::composites::{Composite, posed};
 use needle_studies::correction;
 use needle_studies::reference_solution::{ReferenceSolution, study_depth};
 
+/// Presets that have a reference solution.
+pub(super) const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];
 /// Name of the whole table.
 const TABLE: &str = "accuracy.csv";
 

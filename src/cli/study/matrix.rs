@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::cli::options::ThreadOptions;
 use crate::cli::output::OutputFolder;
-use crate::cli::progress::Progress;
+use crate::cli::progress::{Progress, bar};
 use crate::cli::recorded::positive;
 use crate::cli::{CliError, Outcome, print};
 use needle_estimate::compare::Watch as _;
@@ -42,7 +42,7 @@ impl Matrix {
         let budget_s = self.budget_s.unwrap_or(if self.quick { QUICK_BUDGET_S } else { BUDGET_S });
         let progress = Progress::silent();
         let cells = matrix::cells(self.quick);
-        let bar = super::bar(cells.len() as u64, "{pos}/{len} cells");
+        let bar = bar(cells.len() as u64, "{pos}/{len} cells");
         bar.suspend(|| print(&matrix::heading()))?;
         let mut rows = Vec::new();
         for cell in cells {

@@ -19,12 +19,13 @@ use clap::Parser;
 
 use self::control::{Endpoints, Shared, Task};
 use self::housekeeping::Housekeeping;
+use super::own_arguments;
 use named_threads::{join, spawn};
 use needle_guard::Guard;
 use ros2_guarded::signals::Signals;
 use ros2_node::parameters::Parameters;
 use ros2_node::recorder::{Recorder, Recording};
-use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
+use ros2_node::start::{self, LOSSES, NodeError, SUCCESS, Start};
 
 #[derive(Parser, Debug)]
 #[command(
@@ -41,36 +42,14 @@ struct Cli {}
 /// does not include the program name.
 #[must_use]
 pub(crate) fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    // Before any thread is started, because threads inherit the mask.
-    let signals = match Signals::block() {
-        Ok(signals) => signals,
-        Err(error) => {
-            eprintln!("needle_twin guard: signals can't be blocked: {error}");
-            return FAILURE;
-        }
-    };
-    match start::start("guard", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| guard(start, &signals)) {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("needle_twin guard: {}", terminal::line(&error.to_string()));
-            error.exit_code()
-        }
-    }
+    start::run("needle_twin guard", ["guard", env!("CARGO_CRATE_NAME")], arguments, guard)
 }
 
 fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
-    let program = std::iter::once("needle_twin guard".to_owned());
-    if let Err(help) = Cli::try_parse_from(program.chain(start.own.drain(..))) {
-        let code = if help.use_stderr() { start::USAGE } else { SUCCESS };
-        let _ = help.print();
+    if let Err(code) = own_arguments::<Cli>("needle_twin guard", &mut start) {
         return Ok(code);
     }
-    let node = start.names.fully_qualified();
-    let (parameters, warnings) = Parameters::declare(declared::declarations(), &start.ros.parameters, &node)?;
-    for warning in warnings {
-        tracing::warn!("{warning}");
-    }
-    let parameters = Arc::new(parameters);
+    let parameters = start.declare(declared::declarations())?;
     let orders = declared::orders(&parameters);
     let task = Task {
         guard: Guard::new(orders),
@@ -91,18 +70,11 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
 }
 
 fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signals) -> Result<u8, NodeError> {
-    let mut participant = start.participant()?;
-    let mapping = start::mapping(parameters, &start.environment);
-    participant.set_mapping(mapping);
+    let mut participant = start.participant(parameters)?;
     participant.set_recorder(Recorder::create(parameters)?);
     let endpoints = Endpoints::new(&mut participant, task.guard.orders(), parameters.get(start::USE_SIM_TIME))?;
     let housekeeping = Housekeeping::new(&mut participant, parameters)?;
-    for unused in participant.unused_qos_overrides() {
-        tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
-    }
-    participant.start(Some(parameters))?;
-    start.announce(mapping);
-    let recording = participant.start_recording()?;
+    let recording = start.join(&mut participant, parameters)?;
     let shared = Arc::new(Shared::default());
     let (stop, stopped) = crossbeam_channel::bounded::<()>(0);
     let (stop_housekeeping, housekeeping_stopped) = crossbeam_channel::bounded::<()>(0);

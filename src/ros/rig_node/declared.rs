@@ -2,9 +2,8 @@
 
 use ros2_client::ParameterValue as P;
 
-use super::driver::{Load, Rig};
 use needle_recording::{ForceSource, PositionSource};
-use needle_rig::make::RigScene;
+use needle_rig::make::{Curve, RigScene};
 use needle_rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 use needle_rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
 use ros2_node::parameter::{Parameter, Typed, parameters};
@@ -276,6 +275,24 @@ pub(super) fn play_options(parameters: &Parameters) -> PlayOptions {
 #[allow(clippy::cast_possible_truncation)] // within the parameter's range
 fn nanoseconds(seconds: f64) -> Option<i64> {
     (seconds >= 0.0).then_some((seconds * 1e9) as i64)
+}
+
+/// A load cell, and the tissue that loads it.
+pub(super) struct Load {
+    pub cell: LoadCell,
+    /// Force over depth during insertion, from `bags/reference/`.
+    pub tissue: Curve,
+    pub frame_id: String,
+}
+
+/// The needle and its sensors.
+pub(super) struct Rig {
+    pub driver: Driver,
+    pub displacement: DisplacementSensor,
+    pub load: Option<Load>,
+    pub joint: String,
+    pub period: std::time::Duration,
+    pub latency_s: f64,
 }
 
 /// The needle driver with its sensors.

@@ -5,9 +5,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
-use super::declared::TISSUE_STIFFNESS;
-use needle_rig::make::Curve;
-use needle_rig::sensors::{DisplacementSensor, LoadCell};
+use super::declared::{Load, Rig, TISSUE_STIFFNESS};
 use needle_rig::{Delay, Driver};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
@@ -38,24 +36,6 @@ impl Endpoints {
             force: if load_cell { Some(participant.publisher("measured_cf", qos::reliable(10))?) } else { None },
         })
     }
-}
-
-/// A load cell, and the tissue that loads it.
-pub(super) struct Load {
-    pub cell: LoadCell,
-    /// Force over depth during insertion, from `bags/reference/`.
-    pub tissue: Curve,
-    pub frame_id: String,
-}
-
-/// The needle and its sensors.
-pub(super) struct Rig {
-    pub driver: Driver,
-    pub displacement: DisplacementSensor,
-    pub load: Option<Load>,
-    pub joint: String,
-    pub period: Duration,
-    pub latency_s: f64,
 }
 
 /// Readings at one time.

@@ -13,20 +13,19 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use crossbeam_channel::{Receiver, Sender};
-use ros2_client::ParameterValue;
 
 use self::housekeeping::Housekeeping;
 use self::outputs::{Outputs, Wishes};
 use self::playback::{Command, Report};
+use super::own_arguments;
 use named_threads::{join, spawn};
 use needle_rig::Player;
 use ros2_guarded::signals::Signals;
-use ros2_node::arguments::ParameterOverride;
 use ros2_node::clock::NodeClock;
 use ros2_node::parameters::Parameters;
 use ros2_node::participant::Participant;
 use ros2_node::recorder::{Recorder, Recording};
-use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
+use ros2_node::start::{self, LOSSES, NodeError, SUCCESS, Start};
 use rosbag2_mcap::BagReader;
 
 /// Time after the end of the bag during which lost messages are sent again to reliable readers.
@@ -53,46 +52,18 @@ struct Cli {
 /// `arguments` does not include the program name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    // Before any thread is started, because threads inherit the mask.
-    let signals = match Signals::block() {
-        Ok(signals) => signals,
-        Err(error) => {
-            eprintln!("rig_node: signals can't be blocked: {error}");
-            return FAILURE;
-        }
-    };
-    match start::start("rig", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| rig(start, &signals)) {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("rig_node: {}", terminal::line(&error.to_string()));
-            error.exit_code()
-        }
-    }
+    start::run("rig_node", ["rig", env!("CARGO_CRATE_NAME")], arguments, rig)
 }
 
 fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
-    let cli = match Cli::try_parse_from(std::iter::once("rig_node".to_owned()).chain(start.own.drain(..))) {
+    let cli: Cli = match own_arguments("rig_node", &mut start) {
         Ok(cli) => cli,
-        Err(help) => {
-            let code = if help.use_stderr() { start::USAGE } else { SUCCESS };
-            let _ = help.print();
-            return Ok(code);
-        }
+        Err(code) => return Ok(code),
     };
     if let Some(bag) = cli.bag {
-        start.ros.parameters.push(ParameterOverride {
-            node_pattern: "/**".to_owned(),
-            name: declared::BAG.name().to_owned(),
-            value: ParameterValue::String(bag),
-            origin: "argument BAG".to_owned(),
-        });
+        start.set(declared::BAG, bag, "argument BAG");
     }
-    let node = start.names.fully_qualified();
-    let (parameters, warnings) = Parameters::declare(declared::declarations(), &start.ros.parameters, &node)?;
-    for warning in warnings {
-        tracing::warn!("{warning}");
-    }
-    let parameters = Arc::new(parameters);
+    let parameters = start.declare(declared::declarations())?;
     if parameters.get(start::USE_SIM_TIME) {
         tracing::warn!("use_sim_time has no effect on the rig, which makes the time: leave it out");
     }
@@ -150,12 +121,7 @@ fn common(
     commands: Option<Sender<Command>>,
 ) -> Result<Common, NodeError> {
     let housekeeping = Housekeeping::new(&mut participant, parameters, commands.is_some())?;
-    for unused in participant.unused_qos_overrides() {
-        tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
-    }
-    participant.start(Some(parameters))?;
-    start.announce(start::mapping(parameters, &start.environment));
-    let recording = participant.start_recording()?;
+    let recording = start.join(&mut participant, parameters)?;
     let clock = Arc::new(NodeClock::new(false));
     let (stop, stopped) = crossbeam_channel::bounded(0);
     let commands = commands.unwrap_or_else(|| crossbeam_channel::bounded(0).0);
@@ -165,8 +131,7 @@ fn common(
 }
 
 fn participant(start: &mut Start, parameters: &Parameters) -> Result<Participant, NodeError> {
-    let mut participant = start.participant()?;
-    participant.set_mapping(start::mapping(parameters, &start.environment));
+    let mut participant = start.participant(parameters)?;
     participant.set_recorder(Recorder::create(parameters)?);
     Ok(participant)
 }

@@ -18,11 +18,11 @@
 
 use std::time::{Duration, Instant};
 
+use super::answer::Answer;
 use super::comparison::{Agreement, Cell};
 use super::declared::{GUARD_TIMEOUT_S, Settings};
 use super::judgement::{Around, judge};
 use super::shared::{Live, Shared};
-use super::solver::Answer;
 use needle_core::scene::Scene;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::needle_twin::{ForceComparison, Safety};

@@ -8,12 +8,13 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
+use super::answer::Answer;
 use super::identification::Identification;
-use super::solver::Answer;
 use needle_core::instrument::reading::{MeasuredAxes, is_force};
 use needle_core::twin::{Phase, Prediction};
 use needle_estimate::compare::frozen::Frozen;
 use needle_estimate::compare::learning::Swing;
+use needle_estimate::live_spring::{LiveSpring, SoFar};
 use ros2_messages::needle_twin::ForceComparison;
 use ros2_messages::std_msgs::Header;
 
@@ -21,6 +22,8 @@ const MAX_GAP_NANOS: i64 = 100_000_000;
 const PATIENCE: Duration = Duration::from_millis(200);
 /// Number of stored readings and waiting predictions: seconds at any sensible rate.
 const KEPT: usize = 4096;
+/// Readings after which an axis without a number is not measured.
+const ENOUGH: u32 = 50;
 
 /// A reading of the load cell.
 #[derive(Clone, Copy, Debug)]
@@ -81,10 +84,13 @@ pub(super) struct Comparator {
     /// Components of the torque for which the load cell has ever given a value.
     read_torque: [bool; 3],
     axes: MeasuredAxes,
+    /// Number of readings up to [`ENOUGH`].
+    noted: u32,
     /// Stamp of the first reading of the present run.
     begun_nanos: Option<i64>,
     identification: Option<Identification>,
     swing: Swing,
+    spring: LiveSpring,
 }
 
 fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
@@ -135,9 +141,17 @@ impl Comparator {
         self.cell
     }
 
+    /// Which axes the load cell does not measure, said once there are enough readings.
+    pub(crate) fn unmeasured(&mut self) -> Option<String> {
+        self.noted = self.noted.saturating_add(1);
+        (self.noted == ENOUGH).then(|| self.axes.missing()).flatten()
+    }
+
     fn leave_out_what_is_not_measured(&mut self, reading: &mut Reading) {
         self.axes.note(&reading.force_n);
         reading.force_n = self.axes.force(reading.force_n).unwrap_or([f64::NAN; 3]);
+        // a cell of one axis measures along the instrument, whichever axis its driver uses
+        reading.force_n.swap(self.axes.only().unwrap_or(2), 2);
         for k in 0..3 {
             // the torque is optional: without it the force is still compared
             let read = reading.torque_nm[k].is_finite() && reading.torque_nm[k] != 0.0;
@@ -203,6 +217,7 @@ impl Comparator {
             tare_n: self.tare_n,
             tare_nm: self.tare_nm,
             axes: self.axes,
+            noted: self.noted,
             read: self.read,
             read_torque: self.read_torque,
             frozen: self.frozen,
@@ -218,12 +233,18 @@ impl Comparator {
         self.vector_squares = 0.0;
         self.max_abs = 0.0;
         self.samples = 0;
+        self.spring = LiveSpring::default();
     }
 
     /// RMSE and largest |residual| so far, N, if there were comparisons.
     pub(crate) fn statistics(&self) -> Option<(f64, f64)> {
         #[allow(clippy::cast_precision_loss)]
         (self.samples > 0).then(|| ((self.squares / self.samples as f64).sqrt(), self.max_abs))
+    }
+
+    /// The twin against a spring so far.
+    pub(crate) fn against_spring(&self) -> Option<SoFar> {
+        self.spring.so_far()
     }
 
     /// Whether the load cell has given more than one component.
@@ -317,6 +338,7 @@ impl Comparator {
         message.measured_n = axial(net, answer.pose.pose.axis);
         message.residual_n = message.predicted_n - message.measured_n;
         self.squares += message.residual_n * message.residual_n;
+        self.spring.take(message.depth_m, message.predicted_n, message.measured_n);
         self.max_abs = self.max_abs.max(message.residual_n.abs());
         (0..3).for_each(|k| self.read[k] |= force[k] != 0.0);
         let Prediction { force_n: predicted_n, torque_nm: predicted_nm, .. } = answer.prediction;
@@ -416,6 +438,21 @@ mod tests {
             boundaries_m: None,
             bent_tip: None,
         }
+    }
+
+    #[test]
+    fn a_spring_is_compared_with_and_a_tare_begins_anew() {
+        let mut c = Comparator::default();
+        for i in 1..60 {
+            let mut stiffening = answer(i * 10_000_000, f64::from(i as u8).powi(3));
+            stiffening.prediction.depth_m = 1e-4 * f64::from(i as u8);
+            hear(&mut c, i * 10_000_000, [0.0, 0.0, f64::from(i as u8).powi(3)], 0.0);
+            c.predicted(stiffening);
+            next(&mut c, 0.0).unwrap();
+        }
+        assert!(c.against_spring().unwrap().words().starts_with("better than a spring"));
+        c.tare(0.0, 0.0).unwrap();
+        assert!(c.against_spring().is_none());
     }
 
     #[test]

@@ -3,17 +3,17 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
+use super::answer::{Answer, Progress, Sighting, is_finite};
 use super::assurance::{Assurance, Assured};
 use super::comparison::Comparator;
 use super::identification::Identification;
 use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
-use super::solver::{Answer, Event, Progress, Sighting};
+use super::solver::Event;
 use super::tf::{self, Transforms};
 use super::tissue::bends;
 use needle_core::instrument::reading::COORDINATE_M;
 use needle_core::scene::Scene;
-use needle_core::twin::Prediction;
 use needle_estimate::compare::crossing::{Crossing, Crossings};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{PoseStamped, Wrench, WrenchStamped};
@@ -134,6 +134,7 @@ pub(super) fn run(
                 let settings = shared.settings();
                 comparator.measured(reading, settings.load_cell_range_n, settings.residual_band_n);
                 said.cell = comparator.cell();
+                comparator.unmeasured().inspect(|axes| tracing::warn!("measured_cf: {axes}; one alone is taken for z"));
             }
             Ok(Event::Tracked(seen)) => match members {
                 Some(newest) => newest.tracked(seen),
@@ -200,21 +201,6 @@ fn tare(shared: &Shared, comparator: &mut Comparator, forced: bool) -> Result<[f
         ));
     }
     comparator.tare(settings.load_cell_range_n, if forced { 0.0 } else { settings.residual_band_n })
-}
-
-/// Whether all numbers of a prediction are finite; others are not published.
-pub(super) fn is_finite(prediction: &Prediction) -> bool {
-    let health = &prediction.health;
-    let forces = prediction.force_n.iter().chain(&prediction.base_force_n).chain(&prediction.torque_nm);
-    let figures = [
-        prediction.depth_m,
-        health.min_jacobian,
-        health.kinetic_to_strain_energy,
-        health.force_imbalance,
-        health.constraint_error_m,
-        health.folded_energy,
-    ];
-    forces.chain(&figures).all(|v| v.is_finite())
 }
 
 /// Publishes an answer; false if it must not be published.
@@ -434,6 +420,7 @@ fn compare(
                 members.inspect(|newest| newest.measured(Measured::of(&message)));
             }
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
+            live.against_spring = comparator.against_spring();
             live.identified(&message);
             live.samples.take(&message);
         }

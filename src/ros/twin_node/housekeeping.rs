@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::Receiver;
 
+use super::answer::Model;
 use super::declared::{self, Settings};
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
@@ -16,7 +17,7 @@ use super::rivals::{self, Rivals};
 use super::shared::{Noted, Shared};
 use super::solver::Event;
 use super::status;
-use super::tissue::{Model, TissueOutputs};
+use super::tissue::TissueOutputs;
 use super::warnings::Watch;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;

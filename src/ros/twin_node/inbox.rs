@@ -7,9 +7,8 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::look_ahead::Double;
-use super::tissue::Snapshot;
-use needle_core::twin::Pose;
+use super::answer::Snapshot;
+use needle_core::twin::{Pose, StampedPose, Twin};
 use ros2_messages::builtin_interfaces::Time;
 
 /// Position of the instrument.
@@ -32,6 +31,23 @@ pub(super) struct PoseInput {
     pub place: Where,
 }
 
+/// A scratch copy of the twin with the state at one time.
+#[derive(Debug)]
+pub(super) struct Double {
+    pub twin: Twin,
+    /// Start of the motion: the last pose that was answered.
+    pub from: Option<StampedPose>,
+    /// Its stamp.
+    pub stamp: Time,
+    pub depth_m: f64,
+    /// Recent wall time of one explicit step, s.
+    pub step_s: f64,
+    /// Generation of the solver's model that this is a copy of.
+    pub generation: u64,
+}
+
+/// The scratch copy, or why there is none.
+pub(super) type Departure = Result<Box<Double>, &'static str>;
 /// The solver's next work.
 pub(super) enum Work {
     Pose(PoseInput),

@@ -111,8 +111,13 @@ pub(super) fn run(
     drop((joint, pose, wrench, targets, clock));
 }
 
+/// Whether a stamp is a time: nanoseconds are less than a second.
+fn is_time(stamp: Time) -> bool {
+    !stamp.is_zero() && stamp.nanosec < 1_000_000_000
+}
+
 fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {
-    if stamp.is_zero() { shared.clock.now_nanos().unwrap_or(0) } else { stamp.nanos() }
+    if is_time(stamp) { stamp.nanos() } else { shared.clock.now_nanos().unwrap_or(0) }
 }
 
 /// Source of poses.
@@ -225,7 +230,7 @@ impl<'a> Intake<'a> {
             self.doubt_two("measured_cf", self.cells.source(), publisher);
             return None;
         }
-        if message.header.stamp.is_zero() {
+        if !is_time(message.header.stamp) {
             self.doubt(Doubt::Unstamped("measured_cf"), || UNSTAMPED.to_owned());
         }
         let stamp_nanos = stamp_or_now(self.shared, message.header.stamp);
@@ -361,10 +366,12 @@ impl<'a> Intake<'a> {
     }
 
     fn stamp(&mut self, source: &'static str, stamp: Time) -> i64 {
-        if stamp.is_zero() && self.unstamped.pass().is_some() {
-            tracing::warn!("{source} has no stamps: the time of arrival is taken, and predicted_cf carries that");
+        if !is_time(stamp) && self.unstamped.pass().is_some() {
+            tracing::warn!(
+                "{source} has no stamps that are times: that of arrival is taken, and predicted_cf carries it"
+            );
         }
-        if stamp.is_zero() {
+        if !is_time(stamp) {
             self.doubt(Doubt::Unstamped(source), || UNSTAMPED.to_owned());
         }
         stamp_or_now(self.shared, stamp)

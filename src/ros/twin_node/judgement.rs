@@ -253,8 +253,8 @@ pub(super) fn load_cell_problem(live: &Live) -> Option<&'static str> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::ros::twin_node::answer::Answer;
     use crate::ros::twin_node::declared::declarations;
-    use crate::ros::twin_node::solver::Answer;
     use needle_core::twin::{Phase, Pose, Prediction, StampedPose, Work};
     use ros2_messages::builtin_interfaces::Time;
     use ros2_node::parameters::Parameters;

@@ -10,12 +10,11 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::Receiver;
 
-use super::force::is_finite;
-use super::inbox::Inbox;
+use super::answer::is_finite;
+use super::inbox::{Departure, Double, Inbox};
 use super::shared::Shared;
 use named_threads::lower_priority;
-use needle_core::twin::{Motion, Prediction, StampedPose, Twin};
-use ros2_messages::builtin_interfaces::Time;
+use needle_core::twin::{Motion, Prediction, StampedPose};
 use ros2_messages::needle_twin::{LookAheadRequest, LookAheadResponse};
 use ros2_messages::std_msgs::Header;
 use ros2_node::service::Service;
@@ -40,23 +39,6 @@ const SLOPE_OVER_M: f64 = 2.5e-4;
 /// Interval of the checks for a model.
 const NO_MODEL_YET: Duration = Duration::from_millis(200);
 
-/// A scratch copy of the twin with the state at one time.
-#[derive(Debug)]
-pub(super) struct Double {
-    pub twin: Twin,
-    /// Start of the motion: the last pose that was answered.
-    pub from: Option<StampedPose>,
-    /// Its stamp.
-    pub stamp: Time,
-    pub depth_m: f64,
-    /// Recent wall time of one explicit step, s.
-    pub step_s: f64,
-    /// Generation of the solver's model that this is a copy of.
-    pub generation: u64,
-}
-
-/// The scratch copy, or why there is none.
-pub(super) type Departure = Result<Box<Double>, &'static str>;
 /// The service.
 pub(super) type LookAhead = Service<LookAheadRequest, LookAheadResponse>;
 

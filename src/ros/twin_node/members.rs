@@ -14,8 +14,8 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::answer::Answer;
 use super::shared::{Banded, Shared};
-use super::solver::Answer;
 use super::tracked::{Seen, Tracks};
 use named_threads::lower_priority;
 use needle_core::twin::{Motion, StampedPose};

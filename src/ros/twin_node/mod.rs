@@ -12,6 +12,7 @@
 //! The solver thread uses no socket and waits for no other thread. A slow subscriber can only slow the thread that
 //! publishes to it.
 
+mod answer;
 mod assurance;
 mod comparison;
 mod declared;
@@ -63,21 +64,20 @@ use self::shared::Shared;
 use self::solver::{Event, Outlets};
 use self::supervisor::Supervisor;
 use self::tissue::TissueOutputs;
+use super::own_arguments;
 use super::scene_parameters;
 use named_threads::{join, join_before, spawn};
 use needle_core::scene::Scene;
 use needle_estimate::compare::ensemble::{self, EnsembleError, Member, Size};
-use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
 use ros2_messages::RosMessage as _;
 use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
-use ros2_node::arguments::ParameterOverride;
 use ros2_node::clock::NodeClock;
 use ros2_node::parameters::Parameters;
 use ros2_node::participant::Participant;
 use ros2_node::recorder::{Recorder, Recording};
-use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
+use ros2_node::start::{self, LOSSES, NodeError, Start};
 
 /// Queue length of answers for the force thread: seconds at any sensible rate. The channel is the standard library's,
 /// whose receiver sleeps. The receiver of crossbeam's channel first yields the processor several times. Under high
@@ -136,39 +136,16 @@ pub(crate) fn input_topics() -> [(&'static str, &'static str); 4] {
 /// program name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    // Before any thread is started, because threads inherit the mask.
-    let signals = match Signals::block() {
-        Ok(signals) => signals,
-        Err(error) => {
-            eprintln!("twin_node: signals can't be blocked: {error}");
-            return FAILURE;
-        }
-    };
-    match start::start("twin", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| twin(start, &signals)) {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("twin_node: {}", terminal::line(&error.to_string()));
-            error.exit_code()
-        }
-    }
+    start::run("twin_node", ["twin", env!("CARGO_CRATE_NAME")], arguments, twin)
 }
 
 fn twin(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
-    let cli = match Cli::try_parse_from(std::iter::once("twin_node".to_owned()).chain(start.own.drain(..))) {
+    let cli: Cli = match own_arguments("twin_node", &mut start) {
         Ok(cli) => cli,
-        Err(help) => {
-            let code = if help.use_stderr() { start::USAGE } else { SUCCESS };
-            let _ = help.print();
-            return Ok(code);
-        }
+        Err(code) => return Ok(code),
     };
     if let Some(scene) = cli.scene {
-        start.ros.parameters.push(ParameterOverride {
-            node_pattern: "/**".to_owned(),
-            name: declared::SCENE.name().to_owned(),
-            value: ParameterValue::String(scene),
-            origin: "--scene".to_owned(),
-        });
+        start.set(declared::SCENE, scene, "--scene");
     }
     let (scene, parameters) = configure(&start)?;
     let node = Node::new(&mut start, &scene, &parameters)?;
@@ -191,11 +168,8 @@ fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
     }
     let mut declarations = declared::declarations();
     declarations.extend(scene_parameters::declarations(&scene));
-    let (parameters, warnings) = Parameters::declare(declarations, given, &node)?;
-    for warning in warnings {
-        tracing::warn!("{warning}");
-    }
-    Ok((scene, Arc::new(parameters)))
+    let parameters = start.declare(declarations)?;
+    Ok((scene, parameters))
 }
 
 struct Node {
@@ -215,9 +189,7 @@ struct Node {
 impl Node {
     /// Creates every endpoint and joins the network.
     fn new(start: &mut Start, scene: &Scene, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
-        let mut participant = start.participant()?;
-        let mapping = start::mapping(parameters, &start.environment);
-        participant.set_mapping(mapping);
+        let mut participant = start.participant(parameters)?;
         let rivals = Rivals::new(&mut participant)?;
         participant.set_recorder(Recorder::create(parameters)?);
         let clock = NodeClock::new(parameters.get(start::USE_SIM_TIME));
@@ -232,12 +204,7 @@ impl Node {
         let members = parameters.get(declared::MEMBERS) > 0;
         let members = members.then(|| MemberOutputs::new(&mut participant)).transpose()?;
         let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes(), rivals)?;
-        for unused in participant.unused_qos_overrides() {
-            tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
-        }
-        participant.start(Some(parameters))?;
-        start.announce(mapping);
-        let recording = participant.start_recording()?;
+        let recording = start.join(&mut participant, parameters)?;
         Ok(Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page })
     }
 

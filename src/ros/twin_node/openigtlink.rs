@@ -3,9 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
+use super::answer::{Model, Snapshot};
 use super::declared;
 use super::shared::Shared;
-use super::tissue::{Model, Snapshot};
 use openigtlink::{Board, Instrument, Server};
 use ros2_node::parameters::Parameters;
 use ros2_node::start::NodeError;

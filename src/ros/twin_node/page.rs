@@ -6,9 +6,9 @@ use std::sync::Arc;
 use crossbeam_channel::Receiver;
 use serde_json::{Value, json};
 
+use super::answer::{Model, Snapshot};
 use super::declared;
 use super::shared::{Banded, Compared, Live, Shared};
-use super::tissue::{Model, Snapshot};
 use crate::live::{self, Asked, Server};
 pub(super) use crate::live::{Board, Command};
 use needle_core::scene::{Instrument, InstrumentKind, Scene};
@@ -153,5 +153,6 @@ fn figures(live: &Live) -> Value {
         "phase": answer.prediction.phase.as_str(),
         "region": live.region(),
     });
+    figures["spring"] = json!(live.against_spring.map(|so_far| so_far.words()));
     figures
 }

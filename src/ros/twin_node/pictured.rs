@@ -1,6 +1,6 @@
 //! The deformed sample as messages for other programs: a point cloud, and a surface for RViz.
 
-use super::tissue::{Model, Snapshot};
+use super::answer::{Model, Snapshot};
 use ros2_messages::sensor_msgs::{PointCloud2, PointField};
 use ros2_messages::std_msgs::{ColorRGBA, Header};
 use ros2_messages::visualization_msgs::Marker;

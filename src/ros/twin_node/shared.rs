@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use hdrhistogram::Histogram;
 
+use super::answer::{Answer, Progress};
 use super::declared::Settings;
 use super::inbox::Handoff;
-use super::solver::{Answer, Progress};
 use super::warnings::Samples;
 use needle_core::twin::{Along, Event};
 use needle_estimate::compare::Verdict;
+use needle_estimate::live_spring::SoFar;
 use needle_recording::Refusal;
 use ros2_messages::needle_twin::ForceComparison;
 use ros2_node::clock::NodeClock;
@@ -213,6 +214,7 @@ pub(super) struct Live {
     pub total: Latency,
     pub load_cell: Option<u8>,
     pub residual: Option<(f64, f64, f64)>,
+    pub against_spring: Option<SoFar>,
     pub measured: u64,
     pub compared: Option<Compared>,
     /// The latest band of the members.

@@ -7,51 +7,15 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
+use super::answer::{Answer, Model, Progress, Sighting, Snapshot};
 use super::comparison::Reading;
-use super::inbox::{Inbox, PoseInput, Where, Work};
-use super::look_ahead::{Departure, Double};
-use super::tissue::{Model, Snapshot};
+use super::inbox::{Departure, Double, Inbox, PoseInput, Where, Work};
+use super::page;
 use super::tracked::Seen;
 use super::under_way::{Goal, UnderWay};
 use needle_core::scene::Scene;
-use needle_core::twin::{FOLLOWED, Halt, Happening, Part, Pose, Prediction, StampedPose, Twin, Work as WorkDone};
+use needle_core::twin::{Halt, Part, Prediction, StampedPose, Twin};
 use ros2_messages::builtin_interfaces::Time;
-
-/// An answered pose.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Answer {
-    pub stamp: Time,
-    pub received: Instant,
-    pub begun: Instant,
-    pub done: Instant,
-    /// The pose itself; its time counts from the first pose since the last reset.
-    pub pose: StampedPose,
-    pub prediction: Prediction,
-    /// Further results that the twin has computed so far.
-    pub work: WorkDone,
-    /// [`Twin::boundaries_m`]
-    pub boundaries_m: Option<[f64; FOLLOWED]>,
-    /// [`Twin::bent_tip`]
-    pub bent_tip: Option<Pose>,
-}
-
-/// An event detected by the solver.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sighting {
-    pub stamp: Time,
-    /// Time since the previous pose, s.
-    pub interval_s: f64,
-    /// Axis of the instrument into the sample.
-    pub axis: [f64; 3],
-    pub happening: Happening,
-}
-
-impl Answer {
-    /// Force along the instrument, against its motion into the sample, N.
-    pub(crate) fn predicted_n(&self) -> f64 {
-        -(0..3).map(|k| self.prediction.force_n[k] * self.pose.pose.axis[k]).sum::<f64>()
-    }
-}
 
 /// Messages to the force thread, from the solver and from the input thread.
 #[expect(clippy::large_enum_variant, reason = "most events are answers, and a box would allocate for each pose")]
@@ -80,21 +44,6 @@ pub(super) enum Event {
     Tare { forced: bool, reply: Sender<Result<[f64; 3], String>> },
     /// No further messages.
     Stop,
-}
-
-/// Progress of a motion in parts.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Progress {
-    /// Depth of its goal, m.
-    pub to_m: f64,
-    /// Completed share of the motion.
-    pub share: f64,
-    /// Remaining time, s.
-    pub left_s: f64,
-    /// Time of reception of the pose that started it.
-    pub since: Instant,
-    /// Number of poses that came since the last part and will not be answered.
-    pub skipped: u64,
 }
 
 /// Number of answers that the force thread could not take because it was thousands behind.
@@ -202,7 +151,7 @@ impl Solver {
         twin.limit_steps(affordable(step_s));
         twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
         tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
-        let model = Model::of(&twin, begun.elapsed());
+        let model = Model::of(&twin, begun.elapsed(), page::instrument(scene, twin.reference_points()));
         let stamp = Time::default();
         let double = double.map(|generation| {
             Box::new(Double { twin: twin.double(), from: None, stamp, depth_m: 0.0, step_s: 0.0, generation })

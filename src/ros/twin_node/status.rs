@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
+use super::answer::Model;
 use super::declared::Settings;
 use super::judgement::{Around, Judgement, load_cell_problem};
 use super::shared::{Identified, Live, Shared};
 use super::solver::LOST_ANSWERS;
-use super::tissue::Model;
 use needle_core::twin::Phase;
 use ros2_guarded::Health;
 use ros2_messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -225,6 +225,9 @@ fn load_cell_values(live: &Live) -> Vec<KeyValue> {
         values.push(value("residual (N)", format!("{residual:.6}")));
         values.push(value("rmse (N)", format!("{rmse:.6}")));
         values.push(value("largest error (N)", format!("{max:.6}")));
+    }
+    if let Some(so_far) = &live.against_spring {
+        values.push(value("against a spring", so_far.words()));
     }
     values
 }

@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender};
 
+use super::answer::{Model, Snapshot};
 use super::inbox::Inbox;
 use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
-use super::tissue::{self, Model, Snapshot, TissueOutputs};
+use super::tissue::{self, TissueOutputs};
 use named_threads::spawn;
 use ros2_guarded::Bell;
 use ros2_guarded::signals::Signals;
@@ -142,7 +143,7 @@ mod tests {
     #[test]
     fn a_thread_that_panics_ends_the_node_with_its_name_and_an_error() {
         let environment = Environment::from_lookup(|_| None).unwrap();
-        let names = Names::new("twin", &RosArguments::default()).unwrap();
+        let names = Names::new("twin", &[]).unwrap();
         // The endpoints are never created: it does not join the network.
         let mut participant = Participant::new(names, &environment, &RosArguments::default()).unwrap();
         let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();

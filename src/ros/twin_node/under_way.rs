@@ -7,8 +7,8 @@
 
 use std::time::Instant;
 
+use super::answer::Progress;
 use super::inbox::PoseInput;
-use super::solver::Progress;
 use needle_core::twin::{Halt, Part, StampedPose, Twin};
 
 /// A motion that takes no longer than this is made at once, s: an older answer is of little use.

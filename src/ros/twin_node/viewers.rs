@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use super::answer::{Model, Snapshot};
 use super::openigtlink::Link;
 use super::page::{self, Board};
-use super::tissue::{Model, Snapshot};
 
 /// Recipients of snapshots for viewers.
 #[derive(Default)]

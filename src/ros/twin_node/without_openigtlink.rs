@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use super::answer::{Model, Snapshot};
 use super::declared;
 use super::shared::Shared;
-use super::tissue::{Model, Snapshot};
 use ros2_node::parameters::Parameters;
 use ros2_node::start::NodeError;
 

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
+use super::answer::{Model, Snapshot};
 use super::declared;
 use super::shared::Shared;
-use super::tissue::{Model, Snapshot};
 use needle_core::scene::Scene;
 use ros2_guarded::Bell;
 use ros2_messages::needle_twin::TwinStatus;

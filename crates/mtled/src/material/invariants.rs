@@ -12,6 +12,8 @@
 //!
 //! in the first two terms of P.
 
+use std::fmt::Debug;
+
 #[cfg(doc)]
 use super::neo_hookean::MIN_JACOBIAN;
 use super::neo_hookean::{Gradient, clamped, first_invariant_in, is_there};
@@ -34,7 +36,7 @@ impl Distortion<f64> {
 
 /// Energy density of a law and its derivatives with respect to a and b, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Slopes<N = f64> {
+pub struct Slopes<N> {
     /// w.
     pub w: N,
     /// dw/da.
@@ -49,12 +51,25 @@ pub(crate) struct Slopes<N = f64> {
     pub bb: N,
 }
 
-/// A law w(a, b).
-pub(crate) trait OfInvariants<N: Number>: Copy {
+/// A law of the change of shape, w(a, b) with C constants, in the isochoric invariants a = J^-2/3 I1 and b = J^-4/3 I2; both are 3 in the
+/// undeformed state, where w is 0.
+///
+/// All built-in laws but Ogden's are implementations; [`Own`](super::Own) makes a material of any other. Its
+/// [`slopes`](Self::slopes) are compiled for numbers that stand eight side by side in a register, so that there is no choice between
+/// points. `tests/material.rs` checks one by differences as it does the built-in ones.
+pub trait IsochoricLaw<const C: usize>: Copy + Debug + Send + Sync + 'static {
     /// Whether w depends on b.
-    const SECOND: bool;
-    /// w with its derivatives.
-    fn slopes(&self, a: N, b: N) -> Slopes<N>;
+    const SECOND: bool = true;
+    /// The constants, of which [`slopes`](Self::slopes) gets each as often as there are points side by side.
+    fn constants(&self) -> [f64; C];
+    /// w with its derivatives, J/m^3. Must be inlined to be fast: `#[inline(always)]`.
+    fn slopes<N: Number>(constants: &[N; C], a: N, b: N) -> Slopes<N>;
+
+    /// Initial shear modulus 2 (w_a + w_b), Pa.
+    fn shear_modulus(&self) -> f64 {
+        let at_rest = Self::slopes(&self.constants(), 3.0, 3.0);
+        2.0 * (at_rest.a + at_rest.b)
+    }
 }
 
 /// J^-2/3, a, and b if it is asked for.
@@ -68,15 +83,15 @@ fn invariants<N: Number, const AXISYMMETRIC: bool>(f: &Gradient<N>, cof: &Gradie
 
 /// Distortional energy density and first Piola-Kirchhoff stress without pressure, Pa.
 #[inline(always)]
-pub(crate) fn evaluate<N: Number, L: OfInvariants<N>, const AXISYMMETRIC: bool>(
-    law: &L,
+pub(crate) fn evaluate<N: Number, L: IsochoricLaw<C>, const C: usize, const AXISYMMETRIC: bool>(
+    constants: &[N; C],
     f: &Gradient<N>,
     cof: &Gradient<N>,
     j: N,
 ) -> Distortion<N> {
     let (j, lack) = clamped(j);
     let [scale, a, b] = invariants::<N, AXISYMMETRIC>(f, cof, j, L::SECOND);
-    let s = law.slopes(a, b);
+    let s = L::slopes(constants, a, b);
     let two = N::of(2.0);
     let third = N::of(1.0 / 3.0) / j;
     let e = two * lack * third;
@@ -155,8 +170,8 @@ pub(super) fn full_dot<N: Number>(f: &Gradient<N>, a: usize, b: usize) -> N {
 ///
 /// from |dF : N (x) a| <= l for F and the linearity of cof F along a (x) N. Negative curvature is left out.
 #[inline(always)]
-pub(crate) fn stiffness<N: Number, L: OfInvariants<N>>(
-    law: &L,
+pub(crate) fn stiffness<N: Number, L: IsochoricLaw<C>, const C: usize>(
+    constants: &[N; C],
     f: &Gradient<N>,
     cof: &Gradient<N>,
     j: N,
@@ -164,7 +179,7 @@ pub(crate) fn stiffness<N: Number, L: OfInvariants<N>>(
     c2: N,
 ) -> N {
     let [scale, a, b] = invariants::<N, false>(f, cof, j, true);
-    let s = law.slopes(a, b);
+    let s = L::slopes(constants, a, b);
     let (zero, one, two) = (N::default(), N::of(1.0), N::of(2.0));
     let (i1, i2, l, c) = (a / scale, b / (scale * scale), largest.sqrt(), c2.sqrt() / j);
     let first = two * scale * (l + i1 * c * N::of(1.0 / 3.0));

@@ -2,8 +2,8 @@
 
 use super::neo_hookean::{Gradient, distortional_energy, first_piola};
 use super::ogden::Symmetric;
-use super::shape::Shape;
-use super::{MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, prony};
+use super::shape::{Shape, With};
+use super::{IsochoricLaw, MooneyRivlin, Ogden, Own, Prony, VerondaWestmann, Volumetric, Yeoh, prony};
 
 /// Law of the change of shape, with its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,31 @@ pub enum Distortional {
     Yeoh(Yeoh),
     /// `super::veronda_westmann`.
     VerondaWestmann(VerondaWestmann),
+    /// Any other law in isochoric invariants.
+    Own(Own),
+}
+
+impl Distortional {
+    /// Initial shear modulus, Pa.
+    #[must_use]
+    pub fn shear_modulus(&self) -> f64 {
+        match self {
+            Self::NeoHookean { shear_modulus } => *shear_modulus,
+            Self::Ogden(law) => law.shear_modulus(),
+            Self::MooneyRivlin(law) => law.shear_modulus(),
+            Self::Yeoh(law) => law.shear_modulus(),
+            Self::VerondaWestmann(law) => law.shear_modulus(),
+            Self::Own(law) => law.shear_modulus(),
+        }
+    }
+
+    /// Whether it is one law, whatever its constants.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Own(law), Self::Own(other)) => law.is_like(other),
+            _ => std::mem::discriminant(self) == std::mem::discriminant(other),
+        }
+    }
 }
 
 /// All constants of a material.
@@ -51,13 +76,7 @@ impl Law {
     /// Initial, instantaneous shear modulus, Pa.
     #[must_use]
     pub fn shear_modulus(&self) -> f64 {
-        match &self.distortional {
-            Distortional::NeoHookean { shear_modulus } => *shear_modulus,
-            Distortional::Ogden(law) => law.shear_modulus(),
-            Distortional::MooneyRivlin(law) => law.shear_modulus(),
-            Distortional::Yeoh(law) => law.shear_modulus(),
-            Distortional::VerondaWestmann(law) => law.shear_modulus,
-        }
+        self.distortional.shear_modulus()
     }
 
     /// Instantaneous distortional energy density and first Piola-Kirchhoff stress without pressure, Pa.
@@ -68,9 +87,10 @@ impl Law {
                 (distortional_energy(f, j, *mu), first_piola(f, cof, j, *mu, 0.0))
             }
             Distortional::Ogden(law) => law.evaluate(f, cof, j),
-            Distortional::MooneyRivlin(law) => law.distortion::<false>(f, cof, j).summed(cof),
-            Distortional::Yeoh(law) => law.distortion::<false>(f, cof, j).summed(cof),
-            Distortional::VerondaWestmann(law) => law.distortion::<false>(f, cof, j).summed(cof),
+            Distortional::MooneyRivlin(law) => With::of(law).distortion::<false>(f, cof, j).summed(cof),
+            Distortional::Yeoh(law) => With::of(law).distortion::<false>(f, cof, j).summed(cof),
+            Distortional::Own(law) => law.distortion(f, cof, j).summed(cof),
+            Distortional::VerondaWestmann(law) => With::of(law).distortion::<false>(f, cof, j).summed(cof),
         }
     }
 

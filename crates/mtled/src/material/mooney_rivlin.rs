@@ -6,33 +6,27 @@
 //!
 //! With C01 = 0 it is the neo-Hookean law.
 
-use super::invariants::{OfInvariants, Slopes};
+use super::invariants::{IsochoricLaw, Slopes};
 use crate::number::Number;
 
 /// Constants of the law, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MooneyRivlin<N = f64> {
+pub struct MooneyRivlin {
     /// C10.
-    pub c10: N,
+    pub c10: f64,
     /// C01.
-    pub c01: N,
+    pub c01: f64,
 }
 
-impl MooneyRivlin {
-    /// Initial shear modulus, Pa.
-    #[must_use]
-    pub fn shear_modulus(&self) -> f64 {
-        2.0 * (self.c10 + self.c01)
+impl IsochoricLaw<2> for MooneyRivlin {
+    fn constants(&self) -> [f64; 2] {
+        [self.c10, self.c01]
     }
-}
-
-impl<N: Number> OfInvariants<N> for MooneyRivlin<N> {
-    const SECOND: bool = true;
 
     #[inline(always)]
-    fn slopes(&self, a: N, b: N) -> Slopes<N> {
+    fn slopes<N: Number>(&[c10, c01]: &[N; 2], a: N, b: N) -> Slopes<N> {
         let three = N::of(3.0);
-        let w = self.c10 * (a - three) + self.c01 * (b - three);
-        Slopes { w, a: self.c10, b: self.c01, ..Slopes::default() }
+        let w = c10 * (a - three) + c01 * (b - three);
+        Slopes { w, a: c10, b: c01, ..Slopes::default() }
     }
 }

@@ -1,8 +1,9 @@
 //! The change of shape as a loop over points sees it: one law, in numbers of any kind.
 
-use super::invariants::{self, Distortion, OfInvariants, Slopes};
+use std::marker::PhantomData;
+
+use super::invariants::{self, Distortion, IsochoricLaw, Slopes};
 use super::neo_hookean::{Gradient, excess};
-use super::{MooneyRivlin, VerondaWestmann, Yeoh};
 use crate::number::Number;
 
 /// What the bound of a law takes of a deformation gradient.
@@ -66,25 +67,40 @@ fn stiffness_apart<N: Number, S: Shape<N>>(shape: &S, wave: &Wave<'_, N>) -> N {
     shape.stiffness(wave)
 }
 
-macro_rules! of_invariants {
-    ($($law:ident),+) => {$(
-        impl<N: Number> Shape<N> for $law<N> {
-            #[inline(always)]
-            fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
-                invariants::evaluate::<N, Self, AXISYMMETRIC>(self, f, cof, j)
-            }
-
-            // below J_m the masses grow in the proportion in which the neo-Hookean law stiffens
-            #[inline(always)]
-            fn stiffness(&self, wave: &Wave<'_, N>) -> N {
-                let Wave { f, cof, j, lack, largest, c2, bulk } = *wave;
-                excess(lack) * invariants::stiffness(self, f, cof, j, largest, c2) + bulk * c2
-            }
-        }
-    )+};
+/// A law in isochoric invariants with its constants in numbers of any kind.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct With<L, N, const C: usize> {
+    pub constants: [N; C],
+    law: PhantomData<L>,
 }
 
-of_invariants!(NeoHookean, MooneyRivlin, Yeoh, VerondaWestmann);
+impl<L: IsochoricLaw<C>, N, const C: usize> With<L, N, C> {
+    #[inline(always)]
+    pub(crate) fn new(constants: [N; C]) -> Self {
+        Self { constants, law: PhantomData }
+    }
+}
+
+impl<L: IsochoricLaw<C>, N: Number, const C: usize> With<L, N, C> {
+    /// The constants of a law.
+    pub(crate) fn of(law: &L) -> Self {
+        Self::new(law.constants().map(N::of))
+    }
+}
+
+impl<L: IsochoricLaw<C>, N: Number, const C: usize> Shape<N> for With<L, N, C> {
+    #[inline(always)]
+    fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
+        invariants::evaluate::<N, L, C, AXISYMMETRIC>(&self.constants, f, cof, j)
+    }
+
+    // below J_m the masses grow in the proportion in which the neo-Hookean law stiffens
+    #[inline(always)]
+    fn stiffness(&self, wave: &Wave<'_, N>) -> N {
+        let Wave { f, cof, j, lack, largest, c2, bulk } = *wave;
+        excess(lack) * invariants::stiffness::<N, L, C>(&self.constants, f, cof, j, largest, c2) + bulk * c2
+    }
+}
 
 /// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3. A bound below J_m as well, where `cube` is phi(J) and
 /// the last term, with J_m for J, has no cause any more.
@@ -108,17 +124,21 @@ impl<N: Number> Wave<'_, N> {
 
 /// [`super::neo_hookean`], where it relaxes or the energy of volume is another.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct NeoHookean<N> {
+pub(crate) struct NeoHookean {
     /// mu, Pa.
-    pub mu: N,
+    pub mu: f64,
 }
 
-impl<N: Number> OfInvariants<N> for NeoHookean<N> {
+impl IsochoricLaw<1> for NeoHookean {
     const SECOND: bool = false;
 
+    fn constants(&self) -> [f64; 1] {
+        [self.mu]
+    }
+
     #[inline(always)]
-    fn slopes(&self, a: N, _: N) -> Slopes<N> {
-        let slope = N::of(0.5) * self.mu;
+    fn slopes<N: Number>(&[mu]: &[N; 1], a: N, _: N) -> Slopes<N> {
+        let slope = N::of(0.5) * mu;
         Slopes { w: slope * (a - N::of(3.0)), a: slope, ..Slopes::default() }
     }
 }

@@ -8,7 +8,7 @@
 //! modulus is 2 (mu - mu/2) = mu. From an exponent of [`LARGEST`] on the exponential goes on as its parabola, so that
 //! the arithmetic stays finite until the health check sees the point.
 
-use super::invariants::{OfInvariants, Slopes};
+use super::invariants::{IsochoricLaw, Slopes};
 use crate::number::Number;
 
 /// Largest exponent that is taken.
@@ -16,19 +16,20 @@ pub(crate) const LARGEST: f64 = 40.0;
 
 /// Constants of the law.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct VerondaWestmann<N = f64> {
+pub struct VerondaWestmann {
     /// mu, Pa.
-    pub shear_modulus: N,
+    pub shear_modulus: f64,
     /// c, which says how fast the tissue stiffens.
-    pub exponent: N,
+    pub exponent: f64,
 }
 
-impl<N: Number> OfInvariants<N> for VerondaWestmann<N> {
-    const SECOND: bool = true;
+impl IsochoricLaw<2> for VerondaWestmann {
+    fn constants(&self) -> [f64; 2] {
+        [self.shear_modulus, self.exponent]
+    }
 
     #[inline(always)]
-    fn slopes(&self, a: N, b: N) -> Slopes<N> {
-        let Self { shear_modulus: mu, exponent: c } = *self;
+    fn slopes<N: Number>(&[mu, c]: &[N; 2], a: N, b: N) -> Slopes<N> {
         let (zero, half, one, three) = (N::default(), N::of(0.5), N::of(1.0), N::of(3.0));
         let x = c * (a - three);
         let beyond = (x - N::of(LARGEST)).max(zero);

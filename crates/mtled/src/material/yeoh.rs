@@ -4,26 +4,29 @@
 //! W = C10 x + C20 x^2 + C30 x^3,    x = J^-2/3 I1 - 3          mu = 2 C10
 //! ```
 
-use super::invariants::{OfInvariants, Slopes};
+use super::invariants::{IsochoricLaw, Slopes};
 use crate::number::Number;
 
 /// Constants of the law, Pa.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Yeoh<N = f64> {
+pub struct Yeoh {
     /// C10.
-    pub c10: N,
+    pub c10: f64,
     /// C20.
-    pub c20: N,
+    pub c20: f64,
     /// C30.
-    pub c30: N,
+    pub c30: f64,
 }
 
-impl<N: Number> OfInvariants<N> for Yeoh<N> {
+impl IsochoricLaw<3> for Yeoh {
     const SECOND: bool = false;
 
+    fn constants(&self) -> [f64; 3] {
+        [self.c10, self.c20, self.c30]
+    }
+
     #[inline(always)]
-    fn slopes(&self, a: N, _: N) -> Slopes<N> {
-        let Self { c10, c20, c30 } = *self;
+    fn slopes<N: Number>(&[c10, c20, c30]: &[N; 3], a: N, _: N) -> Slopes<N> {
         let (x, two, three) = (a - N::of(3.0), N::of(2.0), N::of(3.0));
         Slopes {
             w: x * (c10 + x * (c20 + x * c30)),
@@ -35,12 +38,6 @@ impl<N: Number> OfInvariants<N> for Yeoh<N> {
 }
 
 impl Yeoh {
-    /// Initial shear modulus, Pa.
-    #[must_use]
-    pub fn shear_modulus(&self) -> f64 {
-        2.0 * self.c10
-    }
-
     /// Whether the stress in shear grows with the strain at every strain: dW/dx > 0 for all x >= 0.
     #[must_use]
     pub fn is_stable(&self) -> bool {

@@ -14,8 +14,7 @@ use crate::material::neo_hookean::Gradient;
 
 use super::strip::{FIELDS, ascending};
 use super::vertices::Vertices;
-use crate::number::Real;
-use crate::number::{LANES, Lanes};
+use crate::number::{LANES, Lanes, Real};
 
 /// Blocks to share among threads: two for each of sixteen.
 const BLOCKS: usize = 32;

@@ -90,10 +90,12 @@ cloned_field_by_field! {
         pub axis: [f64; 3],
         /// Nodes of each layer, ring by ring from the axis.
         pub nodes: Vec<u32>,
+        /// Share of each of them that the model has: a half of one on a plane of symmetry.
+        shares: Vec<f64>,
         layers: Vec<Layer>,
         /// Share of the end's area of each ring.
         pub areas: Vec<f64>,
-        /// Way of the rod on which what its end has bent becomes flat again behind it, m.
+        /// Way of the rod, or past it, on which what its end has bent becomes flat again behind it, m.
         pub flattening: f64,
         pub walls: Vec<Wall>,
         pub end: End,
@@ -108,17 +110,20 @@ cloned_field_by_field! {
     struct Layer {
         /// Where each ring begins in `nodes`, and where the next layer does.
         rings: Vec<usize>,
+        /// Nodes that each ring has of the model.
+        counts: Vec<f64>,
         /// Sum of the shares that each of them has in all rings of the end.
         crowd: Vec<f64>,
     }
 }
 
 impl Layer {
-    /// Rings of so many nodes from a place on, of a rod whose end has so many rings.
-    fn new(first: usize, sizes: &[usize], of_end: usize) -> Self {
+    /// Rings of so many nodes from a place on, of a rod whose end has so many rings. `shares`: of all nodes.
+    fn new(first: usize, sizes: &[usize], shares: &[f64], of_end: usize) -> Self {
         let mut rings = vec![first];
         sizes.iter().for_each(|size| rings.push(rings[rings.len() - 1] + size));
-        let mut layer = Self { rings, crowd: vec![0.0; sizes.len()] };
+        let counts = rings.windows(2).map(|ring| shares[ring[0]..ring[1]].iter().sum()).collect();
+        let mut layer = Self { rings, counts, crowd: vec![0.0; sizes.len()] };
         for ring in 0..of_end {
             for (own, share) in layer.carries(ring, of_end) {
                 layer.crowd[own] += share;
@@ -146,23 +151,24 @@ impl Layer {
 }
 
 impl Drag {
-    /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end.
+    /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end, and
+    /// `shares` what the model has of each node.
     pub(super) fn new(
         axis: [f64; 3],
-        nodes: Vec<u32>,
+        (nodes, shares): (Vec<u32>, Vec<f64>),
         ring_sizes: &[Vec<usize>],
         areas: Vec<f64>,
         flattening: f64,
     ) -> Self {
         let mut first = 0;
         let layer = |sizes: &Vec<usize>| {
-            let layer = Layer::new(first, sizes, areas.len());
+            let layer = Layer::new(first, sizes, &shares, areas.len());
             first += sizes.iter().sum::<usize>();
             layer
         };
         let layers: Vec<Layer> = ring_sizes.iter().map(layer).collect();
         let walls = vec![Wall::default(); layers.len()];
-        Self { axis, nodes, layers, areas, flattening, walls, end: End::default(), way: [0.0; 2] }
+        Self { axis, nodes, shares, layers, areas, flattening, walls, end: End::default(), way: [0.0; 2] }
     }
 
     /// Places in `nodes` of a layer.
@@ -209,11 +215,16 @@ impl Drag {
         along(&u[self.nodes[place] as usize], &self.axis)
     }
 
+    /// Nodes of places that the model has.
+    fn count(&self, places: std::ops::Range<usize>) -> f64 {
+        self.shares[places].iter().sum()
+    }
+
     /// Mean displacement of a layer's outermost ring along the axis, m.
     pub(super) fn of_layer(&self, layer: usize, u: &[[f64; 3]]) -> f64 {
-        let ring = self.outermost(layer);
-        let count = ring.len() as f64;
-        ring.map(|p| self.along(p, u)).sum::<f64>() / count
+        let own = &self.layers[layer];
+        let sum: f64 = self.outermost(layer).map(|p| self.shares[p] * self.along(p, u)).sum();
+        sum / own.counts[own.outermost()]
     }
 
     /// One step of the dragged nodes, from the force at its start.
@@ -253,23 +264,25 @@ impl Drag {
         }
     }
 
-    /// The rings that carry a ring of the end, the share of each, and the sum of its shares in all rings of the end.
-    fn parts(&self, ring: usize) -> impl Iterator<Item = (std::ops::Range<usize>, f64, f64)> {
+    /// The rings that carry a ring of the end, how many nodes each has, its share, and the sum of its shares in all rings of the end.
+    fn parts(&self, ring: usize) -> impl Iterator<Item = (std::ops::Range<usize>, f64, f64, f64)> {
         let pushed = (self.end.first..).zip(self.end.shares).filter(|(_, s)| *s > 0.0);
         pushed.flat_map(move |(l, s)| {
             let carries = self.layers[l].carries(ring, self.areas.len()).into_iter().filter(|(_, share)| *share > 0.0);
-            carries.map(move |(own, share)| (self.ring(l, own), s * share, s * self.layers[l].crowd[own]))
+            carries.map(move |(own, share)| {
+                let Layer { counts, crowd, .. } = &self.layers[l];
+                (self.ring(l, own), counts[own], s * share, s * crowd[own])
+            })
         })
     }
 
     /// w_i of a ring after a step without the end, m, and the ring's springs, with a limit in N of the whole end.
     fn meets(&self, i: usize, u: &[[f64; 3]], slip: &Slip, limit: f64, mass: &[f64], rule: &Rule) -> (f64, Tip) {
         let (mut w, mut compliance) = (0.0, 0.0);
-        for (ring, weight, crowd) in self.parts(i) {
-            let each = weight / ring.len() as f64;
-            // all rings of the end that a node carries push it at once
-            let together = crowd / ring.len() as f64;
+        for (ring, count, weight, crowd) in self.parts(i) {
             for p in ring {
+                // all rings of the end that a node carries push it at once
+                let [each, together] = [weight, crowd].map(|w| self.shares[p] * (w / count));
                 w += each * (self.along(p, u) + slip.step[p]);
                 compliance += each * together / (mass[self.nodes[p] as usize] * rule.mass_factor);
             }
@@ -335,9 +348,9 @@ impl Drag {
             slip.dissipated += work * (c - slip.end[i]);
             slip.end[i] = c;
             slip.push[i] = force;
-            for (ring, weight, _) in self.parts(i) {
-                let each = force * weight / ring.len() as f64;
+            for (ring, count, weight, _) in self.parts(i) {
                 for p in ring {
+                    let each = self.shares[p] * (force * weight / count);
                     slip.step[p] += each / (mass[self.nodes[p] as usize] * rule.mass_factor);
                     slip.load[p] += each;
                 }
@@ -365,24 +378,25 @@ impl Drag {
             return;
         }
         let places = self.walled(layer);
-        let count = places.len() as f64;
+        let count = self.count(places.clone());
         let heavy = match grip {
             Grip::Tied => at.heavy,
             _ => places.clone().map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor,
         };
-        let w = places.clone().map(|p| slip.step[p]).sum::<f64>() / count + at.flat;
+        let w = places.clone().map(|p| self.shares[p] * slip.step[p]).sum::<f64>() / count + at.flat;
         if !self.end.springs {
             slip.wall_floor[layer] = slip.wall[layer];
         }
         let (force, b) = slide(spring, limit, heavy, d - w, slip.wall_floor[layer]);
         slip.dissipated += force * (b - slip.wall[layer]);
         (slip.wall[layer], slip.pull[layer]) = (b, force);
-        let size = places.len() as f64;
         for p in places {
             slip.step[p] += force / heavy;
             // a tied layer is loaded as one
-            let share =
-                if grip == Grip::Tied { mass[self.nodes[p] as usize] * rule.mass_factor / heavy } else { 1.0 / size };
+            let share = match grip {
+                Grip::Tied => mass[self.nodes[p] as usize] * rule.mass_factor / heavy,
+                _ => self.shares[p] / count,
+            };
             slip.load[p] += share * force;
         }
     }
@@ -410,8 +424,6 @@ impl Drag {
     fn move_on(&self, state: &mut Moving, rule: &Rule, at: &Standing) {
         let (rod, wall) = (self.way_of(rule), &self.walls[at.layer]);
         let sticks = self.sticks(&state.slip, at.layer);
-        // by the rod's way, so that the force does not fall as soon as the end has passed a layer
-        let flatten = FLATTEN.min(rod.abs() / self.flattening);
         let keep = if sticks { (1.0 - 2.0 * (wall.spring / at.heavy).sqrt()).max(0.0) } else { 0.0 };
         let Moving { u, q, tangent, slip, .. } = state;
         for p in self.layer(at.layer) {
@@ -419,7 +431,9 @@ impl Drag {
             let moved = slip.step[p];
             (0..3).for_each(|k| u[n][k] += moved * self.axis[k]);
             if wall.grip == Grip::Tied {
-                // what the end has bent becomes flat again
+                // What the end has bent becomes flat again as the wall slides past: the force does not fall at once. After a
+                // puncture it is the layer that goes past a rod which stands.
+                let flatten = FLATTEN.min(rod.abs().max((rod - moved).abs()) / self.flattening);
                 let bent = flatten * (at.flat - self.along(p, u));
                 (0..3).for_each(|k| u[n][k] += bent * self.axis[k]);
             }
@@ -458,7 +472,7 @@ mod tests {
     #[test]
     fn rings_of_the_end_are_carried_where_they_are() {
         for (own, of_end) in [(9, 9), (3, 9), (4, 9), (2, 5), (8, 9)] {
-            let layer = Layer::new(0, &vec![1; own], of_end);
+            let layer = Layer::new(0, &vec![1; own], &vec![1.0; own], of_end);
             for ring in 0..of_end {
                 let carries = layer.carries(ring, of_end);
                 let radius: f64 = carries.iter().map(|(i, share)| share * *i as f64 / (own - 1) as f64).sum();

@@ -9,7 +9,6 @@ use super::aside::{along, aside};
 use super::drag::{End, Grip, Wall};
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
-use super::slip::Slip;
 use super::state::{Kept, Moving, Path, Role, State};
 use super::work::StepWork;
 
@@ -152,6 +151,8 @@ impl Solver {
 
     /// Says how the rod's wall goes with a layer of nodes. A wall that begins to act does so without a force.
     pub fn grip(&mut self, layer: usize, wall: Wall) {
+        let share = self.model.share();
+        let wall = Wall { spring: share * wall.spring, limit: share * wall.limit, ..wall };
         let before = &mut self.state.constraints.drag.walls[layer];
         let begins = before.limit <= 0.0 && wall.limit > 0.0;
         *before = wall;
@@ -168,7 +169,8 @@ impl Solver {
 
     /// Says how the rod's end goes through the material.
     pub fn set_end(&mut self, end: End) {
-        self.state.constraints.drag.end = end;
+        let [spring, stiff, limit] = [end.spring, end.stiff, end.limit].map(|x| self.model.share() * x);
+        self.state.constraints.drag.end = End { spring, stiff, limit, ..end };
     }
 
     /// The rod's end is at a depth of the material, m.
@@ -201,10 +203,16 @@ impl Solver {
         self.state.constraints.drag.way = [way; 2];
     }
 
-    /// What slip has done so far.
+    /// Force of the rod's wall and of its end on the tissue, N, into the body.
     #[must_use]
-    pub fn slip(&self) -> &Slip {
-        &self.state.moving.slip
+    pub fn drag_forces(&self) -> [f64; 2] {
+        self.state.moving.slip.forces().map(|force| force / self.model.share())
+    }
+
+    /// Work that slip along the rod and at its end has dissipated, J.
+    #[must_use]
+    pub fn dissipated(&self) -> f64 {
+        self.state.moving.slip.dissipated / self.model.share()
     }
 
     /// Depth of the material that the rod's end has cut, m: the mean over its area.

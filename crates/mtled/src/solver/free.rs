@@ -3,7 +3,7 @@
 use super::inertia::Sums;
 use super::nodes::{Held, Nodes, Rule};
 use super::state::Role;
-use crate::number::lanes::{Loop, run};
+use crate::number::{Loop, run};
 
 /// Nodes that go together: their components fill whole vectors.
 const FOUR: usize = 4;

@@ -29,6 +29,11 @@ impl Half {
         if self.on_plane[n] { self.mirror.within(&v) } else { v }
     }
 
+    /// Share of a node that the half has.
+    pub(super) fn share(&self, n: usize) -> f64 {
+        if self.on_plane[n] { 0.5 } else { 1.0 }
+    }
+
     /// Sum of a vector of node n and of its image, and of how many nodes that is.
     pub(super) fn with_image(&self, n: usize, v: &[f64; 3]) -> ([f64; 3], f64) {
         let within = self.mirror.within(v);

@@ -23,7 +23,7 @@ use crate::approximation::Form;
 use super::aside::across;
 use super::contact::By;
 use super::model::Model;
-use super::state::{Constraints, Role, State};
+use super::state::{Constraints, Path, Role, State};
 use super::step::Balance;
 use crate::vector::{cross, dot};
 
@@ -135,12 +135,13 @@ impl Model {
             (sum, count) = (std::array::from_fn(|k| way.end[k] - way.start[k]), 1.0);
         }
         if count == 0.0 && !drag.nodes.is_empty() {
-            let rigid =
-                path.iter().zip(role).filter(|(path, role)| **role == Role::Dragged && path.spring == f64::INFINITY);
-            for (path, _) in rigid {
-                let moved = across(&[path.end[0] - path.start[0], path.end[1] - path.start[1], 0.0], &drag.axis);
+            let rigid = |n: &usize| role[*n] == Role::Dragged && path[*n].spring == f64::INFINITY;
+            for n in (0..path.len()).filter(rigid) {
+                let Path { start, end, .. } = &path[n];
+                let moved = across(&[end[0] - start[0], end[1] - start[1], 0.0], &drag.axis);
+                let (moved, nodes) = self.half.as_ref().map_or((moved, 1.0), |half| half.with_image(n, &moved));
                 (0..3).for_each(|k| sum[k] += moved[k]);
-                count += 1.0;
+                count += nodes;
             }
             count = count.max(1.0);
             (0..3).for_each(|k| sum[k] += count * drag.axis[k] * (drag.way[1] - drag.way[0]));

@@ -18,14 +18,13 @@ use crate::material::neo_hookean::Gradient;
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::dilatation::Dilatation;
 use super::disjoint::{Chunks, Each, NODES_PER_CHUNK, Offsets, Runs};
-use super::memory::Memory;
-use super::points::{Constants, Projected, Relaxing};
+use super::memory::{Memory, Relaxing};
+use super::points::{Constants, Projected};
 use super::pool::Pool;
 use super::projection::{Projection, ProjectionScratch};
 use super::strip::FIELDS;
 use super::vertices::Vertices;
-use crate::number::lanes::{LANES, Lanes};
-use crate::number::{Number, Real};
+use crate::number::{LANES, Lanes, Number, Real};
 use crate::shares::Shares;
 
 /// Internal-force kernel of one model: what never changes.

@@ -15,12 +15,11 @@ use std::sync::Arc;
 
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::disjoint::{Chunks, NODES_PER_CHUNK};
-use super::memory::Memory;
+use super::memory::{InLanes, Memory, Relaxing};
 use super::model::{Model, Workspace, with_kernel};
-use super::points::{Constants, InLanes, PointLaw, Relaxing};
+use super::points::{Constants, PointLaw};
 use super::state::State;
-use crate::number::Real;
-use crate::number::vector::{Pass, Vector, load_all, run_pass};
+use crate::number::{Pass, Real, Vector, load_all, run_pass};
 
 /// Masses shrink by at most this factor per refresh, so that a point on the verge doesn't make them swing.
 const FADE: f64 = 0.95;

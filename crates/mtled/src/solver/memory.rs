@@ -5,19 +5,18 @@
 //! the deformation that was found into the history.
 
 use crate::material::Prony;
-use crate::material::neo_hookean::{cofactor_in, determinant_in};
+use crate::material::neo_hookean::{Gradient, cofactor, cofactor_in, determinant, determinant_in};
 use crate::material::ogden::Symmetric;
 use crate::material::prony::{Increment, MOST_TERMS, reference_stress, unimodular};
 use crate::material::shape::Shape;
-use crate::number::lanes::{Loop, run};
-use crate::number::vector::{Pass, Vector, run_pass};
-use crate::number::{LANES, Lanes, Number, Real};
+use crate::number::{LANES, Lanes, Loop, Number, Pass, Real, Vector, run, run_pass};
 
 use super::block::{Block, BlockScratch};
 use super::cloned::cloned_field_by_field;
-use super::lane_law::with_pressure;
-use super::passes::load;
-use super::points::{AnyShape, Constants, Splat};
+use super::collapse::collapse;
+use super::points::{
+    AnyShape, Constants, PointLaw, Projected, Splat, Volume, WideLaw, WithVolume, load, mixed_stress, with_pressure,
+};
 use crate::approximation::Form;
 
 /// A symmetric tensor of each point of a group. In double precision: a step of time may change it by less than a single's last digit.
@@ -265,4 +264,103 @@ fn contract<N: Number, const AXISYMMETRIC: bool>(x: &[N; 6], y: &[N; 6]) -> N {
         off = x[3].product_sum(y[3], x[4].product_sum(y[4], off));
     }
     along + off + off
+}
+
+/// A law in the lanes, of points that relax if there is a memory.
+pub(super) struct InLanes<'a, T: Real, const RELAXES: bool> {
+    pub shape: AnyShape<T>,
+    pub volume: Volume<T>,
+    pub memory: &'a Memory,
+}
+
+impl<T: Real, const RELAXES: bool> InLanes<'_, T, RELAXES> {
+    #[inline(always)]
+    fn law<V: Vector<T>>(&self) -> WithVolume<Splat<'_, T>, V> {
+        WithVolume { shape: Splat(&self.shape), volume: self.volume.splat() }
+    }
+}
+
+impl<T: Real, const RELAXES: bool> PointLaw<T> for InLanes<'_, T, RELAXES> {
+    #[inline(always)]
+    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+        &self,
+        group: usize,
+        f: &Gradient<V>,
+        projected: Projected<V>,
+    ) -> (V, Gradient<V>) {
+        if RELAXES {
+            let h = self.memory.held_by::<T, V, AXISYMMETRIC>(group);
+            self.law().relaxing::<AXISYMMETRIC>(f, projected, V::of(self.memory.elastic), &h)
+        } else {
+            self.law().at::<AXISYMMETRIC>(f, projected)
+        }
+    }
+
+    #[inline(always)]
+    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
+        self.law().stiffness(f, projected)
+    }
+}
+
+/// Any law, with memory if it relaxes, in double precision.
+pub(super) struct Relaxing<'a> {
+    pub constants: &'a Constants,
+    pub memory: &'a Memory,
+}
+
+impl<T: Real> PointLaw<T> for Relaxing<'_> {
+    #[inline]
+    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+        &self,
+        group: usize,
+        f: &Gradient<V>,
+        projected: Projected<V>,
+    ) -> (V, Gradient<V>) {
+        let (f, pressure) = (f.map(V::store), projected.pressure.store());
+        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
+        for lane in 0..LANES {
+            let given = Projected { pressure: pressure.0[lane].get(), shrinkage: 0.0 };
+            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), given);
+            density.0[lane] = T::of(w);
+            for (out, p) in stress.iter_mut().zip(p) {
+                out.0[lane] = T::of(p);
+            }
+        }
+        (V::load(&density), stress.map(|p| V::load(&p)))
+    }
+
+    #[inline]
+    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
+        let (f, pressure) = (f.map(V::store), projected.pressure.store());
+        let mut stiffness = Lanes::default();
+        for lane in 0..LANES {
+            let f = f.map(|x| x.0[lane].get());
+            stiffness.0[lane] = T::of(self.constants.stiffness(&f, pressure.0[lane].get()));
+        }
+        V::load(&stiffness)
+    }
+}
+
+impl Relaxing<'_> {
+    /// Energy density and stress of the point in one slot of the block.
+    pub(super) fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: Projected<f64>) -> (f64, Gradient<f64>) {
+        let Constants { law, pointwise, resists_collapse, .. } = self.constants;
+        let cof = cofactor(f);
+        let j = determinant(f, &cof);
+        let (own, pressure) = if *resists_collapse {
+            collapse(j, *pointwise)
+        } else {
+            (pointwise * law.volumetric.energy(j - 1.0), pointwise * law.volumetric.slope(j - 1.0))
+        };
+        let (energy, stress) = match self.memory.held_in(slot) {
+            Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, &held),
+            None => law.distortion(f, &cof, j),
+        };
+        let stress = if self.constants.mixed {
+            mixed_stress::<f64, false>(f, &cof, law.shear_modulus(), projected, pressure)
+        } else {
+            std::array::from_fn(|i| stress[i] + (projected.pressure + pressure) * cof[i])
+        };
+        (energy + own, stress)
+    }
 }

@@ -15,12 +15,11 @@
 //! As the cloud becomes finer theta_P tends to J and W to the law's. Below theta_m = [`LEAST_RATIO`] the energy goes on along its tangent in
 //! theta, as the law's own does below J_m. Stored are r - 1 and q + mu, which vanish at rest.
 
-use crate::material::neo_hookean::{Gradient, clamped, cofactor, cofactor_in, combined, determinant, determinant_in};
+use crate::material::neo_hookean::{Gradient, clamped, cofactor, cofactor_in, determinant, determinant_in};
 use crate::number::{LANES, Number, Real, Vector};
 
 use super::collapse::{collapse, collapse_curvature};
-use super::lane_law::{LaneLaw, WideLaw, of_each};
-use super::points::{Constants, Projected, largest_square};
+use super::points::{Constants, LaneLaw, Projected, WideLaw, largest_square, mixed_stress, of_each};
 
 /// theta_m: projected volume ratio below which the energy goes on along its tangent. Needles in space, which have this law, keep J above 0.26
 /// at every point down to 15 mm, and theta is a mean.
@@ -62,20 +61,6 @@ pub(super) fn coarse<N: Number>(mu: N, pressure: N, dilation: N, square: N) -> C
     }
 }
 
-/// P, Pa; `own`: kappa_s w'(J), Pa.
-#[inline(always)]
-pub(super) fn stress<T: Number, const AXISYMMETRIC: bool>(
-    f: &Gradient<T>,
-    cof: &Gradient<T>,
-    mu: T,
-    projected: Projected<T>,
-    own: T,
-) -> Gradient<T> {
-    let a = mu.product_sum(projected.shrinkage, mu);
-    let b = projected.pressure + own - mu;
-    combined::<T, AXISYMMETRIC>(a, f, b, cof)
-}
-
 impl<T: Real> Mixed<T> {
     pub(super) fn new(constants: &Constants) -> Self {
         Self {
@@ -86,12 +71,19 @@ impl<T: Real> Mixed<T> {
     }
 }
 
+impl Constants {
+    /// The law where the distortion sees the projected volume ratio.
+    pub(super) fn of_mixed<T: Real>(&self) -> Option<Mixed<T>> {
+        self.mixed.then(|| Mixed::new(self))
+    }
+}
+
 impl<N: Number> WideLaw<N> for Mixed<N> {
     #[inline(always)]
     fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
         let cof = cofactor_in::<N, AXISYMMETRIC>(f);
         let (energy, own) = collapse(determinant_in::<N, AXISYMMETRIC>(f, &cof), self.pointwise);
-        (energy, stress::<N, AXISYMMETRIC>(f, &cof, self.mu, projected, own))
+        (energy, mixed_stress::<N, AXISYMMETRIC>(f, &cof, self.mu, projected, own))
     }
 
     /// Bound of a.A.a over unit vectors as [`Constants::stiffness`]: mu r + c^2 (kappa - kappa_s + kappa_s w'' + 5/9 mu theta^-8/3 I_P),

@@ -230,8 +230,8 @@ impl Model {
     }
 
     /// With a rod through layers of nodes (see [`Role::Dragged`]): `nodes` by layer and ring, the number of nodes in each ring of each
-    /// layer, and the rings' shares of the area of the rod's end. `axis`: unit vector into the body; `flattening`: way of the rod on which a
-    /// layer that its end has bent becomes flat again behind it, m.
+    /// layer, and the rings' shares of the area of the rod's end. `axis`: unit vector into the body; `flattening`: way of the rod, or
+    /// past it, on which a layer that its end has bent becomes flat again, m.
     #[must_use]
     pub fn with_rod(
         mut self,
@@ -241,7 +241,9 @@ impl Model {
         areas: Vec<f64>,
         flattening: f64,
     ) -> Self {
-        let drag = Drag::new(axis, nodes, ring_sizes, areas, flattening);
+        let share = |n: &u32| self.half.as_ref().map_or(1.0, |half| half.share(*n as usize));
+        let shares = nodes.iter().map(share).collect();
+        let drag = Drag::new(axis, (nodes, shares), ring_sizes, areas, flattening);
         self.rest.drag = drag;
         self
     }
@@ -267,6 +269,11 @@ impl Model {
         control.slowest = self.mode.frequency(control.mass.iter().copied());
         self.mass_scale = scale;
         self.rest.control = state.control;
+    }
+
+    /// Share of the body that the model holds.
+    pub(super) fn share(&self) -> f64 {
+        if self.half.is_some() { 0.5 } else { 1.0 }
     }
 
     /// The part of a node's vector that its place leaves: of one on a plane of symmetry what lies within that.

@@ -4,12 +4,10 @@ use crate::approximation::Form;
 use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
 use super::block::{Block, BlockScratch, ForceOfLane};
-use super::memory::Memory;
-use super::points::{Constants, InLanes, PointLaw, Projected, Relaxing};
+use super::memory::{InLanes, Memory, Relaxing};
+use super::points::{Constants, PointLaw, Projected, load};
 use super::strip::FIELDS;
-use crate::number::lanes::{LANES, Lanes};
-use crate::number::vector::{Pass, Vector, load_all, run_pass};
-use crate::number::{Number, Real};
+use crate::number::{LANES, Lanes, Number, Pass, Real, Vector, load_all, run_pass};
 
 /// How far ahead gradients are asked for: 2 kB in single precision.
 #[cfg(all(target_arch = "x86_64", not(miri)))]
@@ -277,18 +275,6 @@ impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T
         }
         scratch.energy = energy.store().sum().get();
     }
-}
-
-/// A deformation gradient; zeros where a half plane has no other.
-#[inline(always)]
-pub(super) fn load<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<V> {
-    let mut out = [V::default(); 9];
-    for k in 0..9 {
-        if is_there::<AXISYMMETRIC>(k) {
-            out[k] = V::load(&f[k]);
-        }
-    }
-    out
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients. In a half plane the second component of a gradient belongs to the hoop strain

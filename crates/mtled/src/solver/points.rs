@@ -1,19 +1,19 @@
-//! The law at one integration point, as the loop of pass 2 sees it.
+//! The laws of integration points as the loop of pass 2 sees them, in the kernel's own precision: any number of lanes, no choices among them.
 
 use crate::material::invariants::Distortion;
-use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant};
-use crate::material::shape::{self, NeoHookean as NeoHookeanShape, Shape, Wave};
+use crate::material::neo_hookean::{
+    Gradient, clamped, cofactor, cofactor_in, combined, determinant, determinant_in, distortional_energy_in, excess,
+    first_piola_in, is_there,
+};
+use crate::material::ogden::MOST_TERMS;
+use crate::material::shape::{self, NeoHookean as NeoHookeanShape, Shape, Wave, With, plane_wave};
 use crate::material::stretches::{OfTerms, Stretches, Term, Terms};
-use crate::material::{Distortional, Law, MooneyRivlin, VerondaWestmann, Volumetric, Yeoh};
+use crate::material::{Distortional, IsochoricLaw, Law, MooneyRivlin, VerondaWestmann, Volumetric, Yeoh, own, prony};
+use crate::number::{LANES, Lanes, Number, Real, Vector};
 
 use super::VolumeRatio;
 use super::collapse::{collapse, collapse_curvature};
 use super::dilatation::POINTWISE_BULK;
-use super::lane_law::{LaneShape, NeoHookean, Volume, WideLaw, WithVolume};
-use super::memory::Memory;
-use super::mixed::{self, Mixed};
-use crate::number::{LANES, Lanes};
-use crate::number::{Number, Real, Vector};
 
 /// Material and how its bulk modulus is shared out.
 #[derive(Clone, Copy, Debug)]
@@ -50,11 +50,6 @@ impl Constants {
         let resists_collapse = matches!(volume_ratio, VolumeRatio::Projected | VolumeRatio::Mixed);
         let own = Self { law: *law, projected: kappa - pointwise, pointwise, resists_collapse, mixed: false };
         Self { mixed: volume_ratio == VolumeRatio::Mixed && own.plain::<f64>().is_some(), ..own }
-    }
-
-    /// The same where the distortion sees the projected volume ratio.
-    pub(super) fn of_mixed<T: Real>(&self) -> Option<Mixed<T>> {
-        self.mixed.then(|| Mixed::new(self))
     }
 
     /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
@@ -97,9 +92,10 @@ impl Constants {
                 let cube = root * root;
                 wave.of_modulus(law.stiffness(cube * wave.largest, cube * j * j / c2))
             }
-            Distortional::MooneyRivlin(law) => Shape::stiffness(law, &wave),
-            Distortional::Yeoh(law) => Shape::stiffness(law, &wave),
-            Distortional::VerondaWestmann(law) => Shape::stiffness(law, &wave),
+            Distortional::MooneyRivlin(law) => With::of(law).stiffness(&wave),
+            Distortional::Yeoh(law) => With::of(law).stiffness(&wave),
+            Distortional::VerondaWestmann(law) => With::of(law).stiffness(&wave),
+            Distortional::Own(law) => law.stiffness(&wave),
         }
     }
 }
@@ -169,14 +165,15 @@ pub(super) trait PointLaw<T: Real> {
     fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V;
 }
 
-/// Laws of the change of shape in the kernel's own precision.
+/// Laws of the change of shape in the kernel's own precision, or in registers.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum AnyShape<T> {
-    NeoHookean(NeoHookeanShape<T>),
-    MooneyRivlin(MooneyRivlin<T>),
-    Yeoh(Yeoh<T>),
-    VerondaWestmann(VerondaWestmann<T>),
-    Ogden(Stretches<T>),
+pub(super) enum AnyShape<T: Real, N = T> {
+    NeoHookean(With<NeoHookeanShape, N, 1>),
+    MooneyRivlin(With<MooneyRivlin, N, 2>),
+    Yeoh(With<Yeoh, N, 3>),
+    VerondaWestmann(With<VerondaWestmann, N, 2>),
+    Ogden(Stretches<N>),
+    Own(own::Wide<T, N>),
 }
 
 /// `with_shape!((shape) => (name) { ... })`: the body for the law that it is.
@@ -188,6 +185,7 @@ macro_rules! with_shape {
             AnyShape::Yeoh($name) => $body,
             AnyShape::VerondaWestmann($name) => $body,
             AnyShape::Ogden($name) => $body,
+            AnyShape::Own($name) => $body,
         }
     };
 }
@@ -195,20 +193,14 @@ impl Constants {
     /// The law of the change of shape for points in the lanes.
     pub(super) fn shape<T: Real>(&self) -> AnyShape<T> {
         match &self.law.distortional {
-            Distortional::NeoHookean { shear_modulus } => {
-                AnyShape::NeoHookean(NeoHookeanShape { mu: T::of(*shear_modulus) })
+            Distortional::NeoHookean { shear_modulus: mu } => {
+                AnyShape::NeoHookean(With::of(&NeoHookeanShape { mu: *mu }))
             }
-            Distortional::MooneyRivlin(law) => {
-                AnyShape::MooneyRivlin(MooneyRivlin { c10: T::of(law.c10), c01: T::of(law.c01) })
-            }
-            Distortional::Yeoh(law) => {
-                AnyShape::Yeoh(Yeoh { c10: T::of(law.c10), c20: T::of(law.c20), c30: T::of(law.c30) })
-            }
-            Distortional::VerondaWestmann(law) => AnyShape::VerondaWestmann(VerondaWestmann {
-                shear_modulus: T::of(law.shear_modulus),
-                exponent: T::of(law.exponent),
-            }),
+            Distortional::MooneyRivlin(law) => AnyShape::MooneyRivlin(With::of(law)),
+            Distortional::Yeoh(law) => AnyShape::Yeoh(With::of(law)),
+            Distortional::VerondaWestmann(law) => AnyShape::VerondaWestmann(With::of(law)),
             Distortional::Ogden(law) => AnyShape::Ogden(Stretches::of(law)),
+            Distortional::Own(law) => AnyShape::Own(law.wide()),
         }
     }
 
@@ -227,7 +219,7 @@ impl Constants {
 
 /// One of the laws: a loop for all of them that asks at each group which one it is: with a loop for each, the crate's code and the
 /// time to compile it were half as large again.
-impl<N: Number> Shape<N> for AnyShape<N> {
+impl<T: Real, N: Vector<T>> Shape<N> for AnyShape<T, N> {
     #[inline(always)]
     fn distortion<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, cof: &Gradient<N>, j: N) -> Distortion<N> {
         with_shape!((self) => (shape) { shape::distortion::<N, _, AXISYMMETRIC>(shape, f, cof, j) })
@@ -240,22 +232,23 @@ impl<N: Number> Shape<N> for AnyShape<N> {
 }
 
 impl<T: Real> LaneShape<T> for AnyShape<T> {
-    type Wide<V: Vector<T>> = AnyShape<V>;
+    type Wide<V: Vector<T>> = AnyShape<T, V>;
 
     #[inline(always)]
-    fn splat<V: Vector<T>>(&self) -> AnyShape<V> {
+    fn splat<V: Vector<T>>(&self) -> AnyShape<T, V> {
         match self {
             Self::NeoHookean(law) => AnyShape::NeoHookean(law.splat()),
             Self::MooneyRivlin(law) => AnyShape::MooneyRivlin(law.splat()),
             Self::Yeoh(law) => AnyShape::Yeoh(law.splat()),
             Self::VerondaWestmann(law) => AnyShape::VerondaWestmann(law.splat()),
             Self::Ogden(law) => AnyShape::Ogden(law.splat()),
+            Self::Own(law) => AnyShape::Own(law.splat()),
         }
     }
 
     // of one law: where another stands among them, it counts as the first
     #[inline(always)]
-    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> AnyShape<V> {
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> AnyShape<T, V> {
         macro_rules! all {
             ($law:ident, $first:ident) => {
                 AnyShape::$law(LaneShape::side_by_side(
@@ -269,13 +262,14 @@ impl<T: Real> LaneShape<T> for AnyShape<T> {
             Self::Yeoh(first) => all!(Yeoh, first),
             Self::VerondaWestmann(first) => all!(VerondaWestmann, first),
             Self::Ogden(first) => all!(Ogden, first),
+            Self::Own(first) => all!(Own, first),
         }
     }
 }
 
 /// [`AnyShape`] whose numbers are taken into registers where the law is known.
 #[derive(Clone, Copy)]
-pub(super) struct Splat<'a, T>(pub &'a AnyShape<T>);
+pub(super) struct Splat<'a, T: Real>(pub &'a AnyShape<T>);
 
 impl<T: Real, V: Vector<T>> Shape<V> for Splat<'_, T> {
     #[inline(always)]
@@ -286,6 +280,7 @@ impl<T: Real, V: Vector<T>> Shape<V> for Splat<'_, T> {
             AnyShape::Yeoh(law) => shape::distortion::<V, _, AXISYMMETRIC>(&law.splat::<V>(), f, cof, j),
             AnyShape::VerondaWestmann(law) => shape::distortion::<V, _, AXISYMMETRIC>(&law.splat::<V>(), f, cof, j),
             AnyShape::Ogden(law) => shape::distortion::<V, _, AXISYMMETRIC>(&OfTerms(SplatTerms(law)), f, cof, j),
+            AnyShape::Own(law) => LaneShape::splat::<V>(law).distortion::<AXISYMMETRIC>(f, cof, j),
         }
     }
 
@@ -297,6 +292,7 @@ impl<T: Real, V: Vector<T>> Shape<V> for Splat<'_, T> {
             AnyShape::Yeoh(law) => shape::stiffness(&law.splat::<V>(), wave),
             AnyShape::VerondaWestmann(law) => shape::stiffness(&law.splat::<V>(), wave),
             AnyShape::Ogden(law) => shape::stiffness(&OfTerms(SplatTerms(law)), wave),
+            AnyShape::Own(law) => LaneShape::splat::<V>(law).stiffness(wave),
         }
     }
 }
@@ -317,108 +313,355 @@ impl<T: Real, V: Vector<T>> Terms<V> for SplatTerms<'_, T> {
     }
 }
 
-/// A law in the lanes, of points that relax if there is a memory.
-pub(super) struct InLanes<'a, T, const RELAXES: bool> {
-    pub shape: AnyShape<T>,
-    pub volume: Volume<T>,
-    pub memory: &'a Memory,
+/// A law of single points in the kernel's own precision, whose numbers a register holds once for each lane, whoever stands there.
+pub(super) trait LaneLaw<T: Real>: Copy {
+    /// Its numbers in registers.
+    type Wide<V: Vector<T>>: WideLaw<V>;
+    /// The law in every lane.
+    fn splat<V: Vector<T>>(&self) -> Self::Wide<V>;
+    /// Each lane's own law; what is no number from the first.
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V>;
 }
 
-impl<T: Real, const RELAXES: bool> InLanes<'_, T, RELAXES> {
-    #[inline(always)]
-    fn law<V: Vector<T>>(&self) -> WithVolume<Splat<'_, T>, V> {
-        WithVolume { shape: Splat(&self.shape), volume: self.volume.splat() }
-    }
+/// A law of as many points as a number has lanes.
+pub(super) trait WideLaw<N: Number>: Copy {
+    /// Energy density, less what is projected, and first Piola-Kirchhoff stress, of what
+    /// [`is_there`](crate::material::neo_hookean::is_there).
+    fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>);
+    /// [`Constants::stiffness`].
+    fn stiffness(&self, f: &Gradient<N>, projected: Projected<N>) -> N;
 }
 
-impl<T: Real, const RELAXES: bool> PointLaw<T> for InLanes<'_, T, RELAXES> {
+impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
     #[inline(always)]
     fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
         &self,
-        group: usize,
+        _: usize,
         f: &Gradient<V>,
         projected: Projected<V>,
     ) -> (V, Gradient<V>) {
-        if RELAXES {
-            let h = self.memory.held_by::<T, V, AXISYMMETRIC>(group);
-            self.law().relaxing::<AXISYMMETRIC>(f, projected, V::of(self.memory.elastic), &h)
-        } else {
-            self.law().at::<AXISYMMETRIC>(f, projected)
-        }
+        self.splat::<V>().at::<AXISYMMETRIC>(f, projected)
     }
 
     #[inline(always)]
     fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
-        self.law().stiffness(f, projected)
+        self.splat::<V>().stiffness(f, projected)
     }
 }
 
-/// Any law, with memory if it relaxes, in double precision.
-pub(super) struct Relaxing<'a> {
-    pub constants: &'a Constants,
-    pub memory: &'a Memory,
+/// A law of the change of shape in the kernel's own precision.
+pub(super) trait LaneShape<T: Real>: Copy {
+    /// Its numbers in registers.
+    type Wide<V: Vector<T>>: Shape<V>;
+    /// See [`LaneLaw::splat`].
+    fn splat<V: Vector<T>>(&self) -> Self::Wide<V>;
+    /// See [`LaneLaw::side_by_side`].
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V>;
 }
 
-impl<T: Real> PointLaw<T> for Relaxing<'_> {
-    #[inline]
-    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+/// One number of each law.
+#[inline(always)]
+pub(super) fn of_each<T: Real, L, V: Vector<T>>(laws: &[L; LANES], number: impl Fn(&L) -> T) -> V {
+    V::load(&Lanes(laws.each_ref().map(number)))
+}
+
+impl<T: Real, L: IsochoricLaw<C>, const C: usize> LaneShape<T> for With<L, T, C> {
+    type Wide<V: Vector<T>> = With<L, V, C>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> With<L, V, C> {
+        With::new(splat_all(&self.constants))
+    }
+
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> With<L, V, C> {
+        With::new(each_of(&laws.each_ref().map(|law| &law.constants)))
+    }
+}
+
+impl<T: Real> LaneShape<T> for own::Wide<T, T> {
+    type Wide<V: Vector<T>> = own::Wide<T, V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> own::Wide<T, V> {
+        own::Wide { constants: splat_all(&self.constants), law: self.law }
+    }
+
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> own::Wide<T, V> {
+        own::Wide { constants: each_of(&laws.each_ref().map(|law| &law.constants)), law: laws[0].law }
+    }
+}
+
+/// Constants in every lane.
+#[inline(always)]
+fn splat_all<T: Real, V: Vector<T>, const C: usize>(constants: &[T; C]) -> [V; C] {
+    let mut out = [V::default(); C];
+    for k in 0..C {
+        out[k] = V::splat(constants[k]);
+    }
+    out
+}
+
+/// Each lane's own constants.
+#[inline(always)]
+fn each_of<T: Real, V: Vector<T>, const C: usize>(constants: &[&[T; C]; LANES]) -> [V; C] {
+    let mut out = [V::default(); C];
+    for k in 0..C {
+        out[k] = of_each(constants, |constants| constants[k]);
+    }
+    out
+}
+
+/// A law of the change of shape with the energy of volume as a [`Constants`] shares it out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WithVolume<S, N> {
+    pub shape: S,
+    pub volume: Volume<N>,
+}
+
+/// What is left to a point of the energy of volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Volume<N> {
+    pub pointwise: N,
+    pub projected: N,
+    pub resists_collapse: bool,
+    /// The law of what is projected. What is left to the points is quadratic if it does not resist collapse.
+    pub law: Volumetric,
+}
+
+impl<N: Number> Volume<N> {
+    /// Energy density and pressure.
+    #[inline(always)]
+    pub(super) fn own(&self, j: N) -> (N, N) {
+        if self.resists_collapse {
+            return collapse(j, self.pointwise);
+        }
+        let dilation = j - N::of(1.0);
+        (N::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
+    }
+
+    /// Its second derivative with the projected part's, from the clamped J and the projected pressure.
+    #[inline(always)]
+    pub(super) fn curvature(&self, j: N, pressure: N) -> N {
+        let own = if self.resists_collapse { collapse_curvature(j) } else { N::of(1.0) };
+        let projected = match self.law {
+            Volumetric::Quadratic => self.projected,
+            // without a projected part the pressure is zero as well
+            Volumetric::Logarithmic => {
+                let slope = pressure / self.projected.max(N::of(f64::from(f32::MIN_POSITIVE)));
+                self.projected * self.law.curvature(self.law.dilation(slope))
+            }
+        };
+        projected + self.pointwise * own
+    }
+}
+
+impl<T: Real> Volume<T> {
+    /// In registers.
+    #[inline(always)]
+    pub(super) fn splat<V: Vector<T>>(&self) -> Volume<V> {
+        let Self { pointwise, projected, resists_collapse, law } = *self;
+        Volume { pointwise: V::splat(pointwise), projected: V::splat(projected), resists_collapse, law }
+    }
+
+    /// Each lane's own; what is no number from the first.
+    #[inline(always)]
+    fn side_by_side<L, V: Vector<T>>(laws: &[L; LANES], of: impl Fn(&L) -> &Self) -> Volume<V> {
+        let Self { resists_collapse, law, .. } = *of(&laws[0]);
+        let pointwise = of_each(laws, |law| of(law).pointwise);
+        Volume { pointwise, projected: of_each(laws, |law| of(law).projected), resists_collapse, law }
+    }
+}
+
+impl<T: Real, S: LaneShape<T>> LaneLaw<T> for WithVolume<S, T> {
+    type Wide<V: Vector<T>> = WithVolume<S::Wide<V>, V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> Self::Wide<V> {
+        WithVolume { shape: self.shape.splat(), volume: self.volume.splat() }
+    }
+
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V> {
+        let shape = S::side_by_side(&laws.each_ref().map(|law| law.shape));
+        WithVolume { shape, volume: Volume::side_by_side(laws, |law| &law.volume) }
+    }
+}
+
+impl<T: Real> Term<T> {
+    /// In registers.
+    #[inline(always)]
+    pub(crate) fn splat<V: Vector<T>>(&self) -> Term<V> {
+        let Self { half, factor, energy, modulus } = *self;
+        Term { half: V::splat(half), factor: V::splat(factor), energy: V::splat(energy), modulus: V::splat(modulus) }
+    }
+}
+
+impl<T: Real> LaneShape<T> for Stretches<T> {
+    type Wide<V: Vector<T>> = Stretches<V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> Stretches<V> {
+        let mut terms = [Term::default(); MOST_TERMS];
+        for k in 0..self.count {
+            terms[k] = self.terms[k].splat();
+        }
+        Stretches { terms, count: self.count }
+    }
+
+    // a law of fewer terms has zeros for them, which add nothing
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Stretches<V> {
+        let mut terms = [Term::default(); MOST_TERMS];
+        let count = laws.iter().map(|law| law.count).max().unwrap_or(0);
+        for k in 0..count {
+            terms[k] = Term {
+                half: of_each(laws, |law| law.terms[k].half),
+                factor: of_each(laws, |law| law.terms[k].factor),
+                energy: of_each(laws, |law| law.terms[k].energy),
+                modulus: of_each(laws, |law| law.terms[k].modulus),
+            };
+        }
+        Stretches { terms, count }
+    }
+}
+
+impl<N: Number, S: Shape<N>> WithVolume<S, N> {
+    /// As [`WideLaw::at`] within an increment of time: gamma and H of [`prony`].
+    #[inline(always)]
+    pub(super) fn relaxing<const AXISYMMETRIC: bool>(
         &self,
-        group: usize,
-        f: &Gradient<V>,
-        projected: Projected<V>,
-    ) -> (V, Gradient<V>) {
-        let (f, pressure) = (f.map(V::store), projected.pressure.store());
-        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
-        for lane in 0..LANES {
-            let given = Projected { pressure: pressure.0[lane].get(), shrinkage: 0.0 };
-            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), given);
-            density.0[lane] = T::of(w);
-            for (out, p) in stress.iter_mut().zip(p) {
-                out.0[lane] = T::of(p);
+        f: &Gradient<N>,
+        projected: Projected<N>,
+        gamma: N,
+        h: &[N; 6],
+    ) -> (N, Gradient<N>) {
+        let cof = cofactor_in::<N, AXISYMMETRIC>(f);
+        let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
+        let (energy, own) = self.volume.own(j);
+        let now = shape::distortion::<N, S, AXISYMMETRIC>(&self.shape, f, &cof, j);
+        let held = prony::held_in::<N, AXISYMMETRIC>(f, j, h);
+        let mut stress = held.stress;
+        for n in 0..9 {
+            if is_there::<AXISYMMETRIC>(n) {
+                stress[n] = gamma.product_sum(now.stress[n], stress[n]);
             }
         }
-        (V::load(&density), stress.map(|p| V::load(&p)))
-    }
-
-    #[inline]
-    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
-        let (f, pressure) = (f.map(V::store), projected.pressure.store());
-        let mut stiffness = Lanes::default();
-        for lane in 0..LANES {
-            let f = f.map(|x| x.0[lane].get());
-            stiffness.0[lane] = T::of(self.constants.stiffness(&f, pressure.0[lane].get()));
-        }
-        V::load(&stiffness)
+        let across = gamma.product_sum(now.across, held.across);
+        let energy = gamma.product_sum(now.energy, held.energy) + energy;
+        (energy, with_pressure::<N, AXISYMMETRIC>(stress, &cof, projected.pressure + own + across))
     }
 }
 
-impl Relaxing<'_> {
-    /// Energy density and stress of the point in one slot of the block.
-    pub(super) fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: Projected<f64>) -> (f64, Gradient<f64>) {
-        let Constants { law, pointwise, resists_collapse, .. } = self.constants;
-        let cof = cofactor(f);
-        let j = determinant(f, &cof);
-        let (own, pressure) = if *resists_collapse {
-            collapse(j, *pointwise)
-        } else {
-            (pointwise * law.volumetric.energy(j - 1.0), pointwise * law.volumetric.slope(j - 1.0))
-        };
-        let (energy, stress) = match self.memory.held_in(slot) {
-            Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, &held),
-            None => law.distortion(f, &cof, j),
-        };
-        let stress = if self.constants.mixed {
-            mixed::stress::<f64, false>(f, &cof, law.shear_modulus(), projected, pressure)
-        } else {
-            std::array::from_fn(|i| stress[i] + (projected.pressure + pressure) * cof[i])
-        };
-        (energy + own, stress)
+impl<N: Number, S: Shape<N>> WideLaw<N> for WithVolume<S, N> {
+    #[inline(always)]
+    fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
+        let cof = cofactor_in::<N, AXISYMMETRIC>(f);
+        let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
+        let (energy, own) = self.volume.own(j);
+        let Distortion { energy: distortional, stress, across } =
+            shape::distortion::<N, S, AXISYMMETRIC>(&self.shape, f, &cof, j);
+        (distortional + energy, with_pressure::<N, AXISYMMETRIC>(stress, &cof, projected.pressure + own + across))
     }
+
+    #[inline(always)]
+    fn stiffness(&self, f: &Gradient<N>, projected: Projected<N>) -> N {
+        let cof = cofactor(f);
+        let (j, lack) = clamped(determinant(f, &cof));
+        let bulk = self.volume.curvature(j, projected.pressure);
+        let (largest, c2) = (largest_square(f), largest_square(&cof));
+        shape::stiffness(&self.shape, &Wave { f, cof: &cof, j, lack, largest, c2, bulk })
+    }
+}
+
+/// P + p cof F, of what [`is_there`].
+#[inline(always)]
+pub(super) fn with_pressure<N: Number, const AXISYMMETRIC: bool>(
+    stress: Gradient<N>,
+    cof: &Gradient<N>,
+    p: N,
+) -> Gradient<N> {
+    let mut stress = stress;
+    for n in 0..9 {
+        if is_there::<AXISYMMETRIC>(n) {
+            stress[n] = p.product_sum(cof[n], stress[n]);
+        }
+    }
+    stress
+}
+
+/// [`crate::material::neo_hookean`] in the kernel's own precision, with the quadratic energy of volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NeoHookean<N> {
+    pub mu: N,
+    pub volume: Volume<N>,
+}
+
+impl<T: Real> LaneLaw<T> for NeoHookean<T> {
+    type Wide<V: Vector<T>> = NeoHookean<V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> NeoHookean<V> {
+        NeoHookean { mu: V::splat(self.mu), volume: self.volume.splat() }
+    }
+
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> NeoHookean<V> {
+        NeoHookean { mu: of_each(laws, |law| law.mu), volume: Volume::side_by_side(laws, |law| &law.volume) }
+    }
+}
+
+impl<N: Number> WideLaw<N> for NeoHookean<N> {
+    #[inline(always)]
+    fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
+        let cof = cofactor_in::<N, AXISYMMETRIC>(f);
+        let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
+        let (energy, own) = self.volume.own(j);
+        let energy = distortional_energy_in::<N, AXISYMMETRIC>(f, j, self.mu) + energy;
+        (energy, first_piola_in::<N, AXISYMMETRIC>(f, &cof, j, self.mu, projected.pressure + own))
+    }
+
+    #[inline(always)]
+    fn stiffness(&self, f: &Gradient<N>, projected: Projected<N>) -> N {
+        let cof = cofactor(f);
+        let (j, lack) = clamped(determinant(f, &cof));
+        let root = j.inverse_cube_root();
+        let bulk = self.volume.curvature(j, projected.pressure);
+        plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
+    }
+}
+
+/// Stress where the distortion sees the projected volume ratio (see [`super::mixed`]), Pa; `own`: kappa_s w'(J), Pa.
+#[inline(always)]
+pub(super) fn mixed_stress<T: Number, const AXISYMMETRIC: bool>(
+    f: &Gradient<T>,
+    cof: &Gradient<T>,
+    mu: T,
+    projected: Projected<T>,
+    own: T,
+) -> Gradient<T> {
+    let a = mu.product_sum(projected.shrinkage, mu);
+    let b = projected.pressure + own - mu;
+    combined::<T, AXISYMMETRIC>(a, f, b, cof)
+}
+
+/// A deformation gradient; zeros where a half plane has no other.
+#[inline(always)]
+pub(super) fn load<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<V> {
+    let mut out = [V::default(); 9];
+    for k in 0..9 {
+        if is_there::<AXISYMMETRIC>(k) {
+            out[k] = V::load(&f[k]);
+        }
+    }
+    out
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::super::memory::{Memory, Relaxing};
     use super::*;
     use crate::material::Ogden;
 
@@ -432,7 +675,8 @@ mod tests {
         let mooney = Distortional::MooneyRivlin(MooneyRivlin { c10: 539.0, c01: 300.0 });
         let yeoh = Distortional::Yeoh(Yeoh { c10: 839.0, c20: -100.0, c30: 50.0 });
         let veronda = Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: 1678.0, exponent: 1.5 });
-        let shapes = [Distortional::NeoHookean { shear_modulus: 1678.0 }, ogden, mooney, yeoh, veronda];
+        let own = Distortional::Own(own::Own::new(&Yeoh { c10: 839.0, c20: 40.0, c30: 5.0 }));
+        let shapes = [Distortional::NeoHookean { shear_modulus: 1678.0 }, ogden, mooney, yeoh, veronda, own];
         let laws = shapes.into_iter().flat_map(|distortional| {
             [Volumetric::Quadratic, Volumetric::Logarithmic].map(|volumetric| Law { distortional, volumetric, ..neo })
         });
@@ -496,13 +740,14 @@ mod tests {
     }
 
     /// Every law; those that stiffen or soften much among them.
-    fn every_shape() -> [Distortional; 8] {
+    fn every_shape() -> [Distortional; 9] {
         let ogden = |moduli: &[f64], exponents: &[f64]| Distortional::Ogden(Ogden::new(moduli, exponents).unwrap());
         [
             Distortional::NeoHookean { shear_modulus: 1678.0 },
             Distortional::MooneyRivlin(MooneyRivlin { c10: 539.0, c01: 300.0 }),
             Distortional::Yeoh(Yeoh { c10: 839.0, c20: -60.0, c30: 20.0 }),
             Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: 1678.0, exponent: 0.8 }),
+            Distortional::Own(own::Own::new(&MooneyRivlin { c10: 539.0, c01: 300.0 })),
             ogden(&[1678.0], &[-4.7]),
             ogden(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0]),
             ogden(&[1678.0], &[0.5]),
@@ -546,7 +791,7 @@ mod tests {
     fn off<const AXISYMMETRIC: bool>(distortional: Distortional, f: &Gradient<Lanes<f32>>) -> [f64; 3] {
         let law = Law { distortional, ..Law::neo_hookean(1678.0, 83_340.0) };
         let constants = Constants { law, projected: 0.0, pointwise: 0.0, resists_collapse: true, mixed: false };
-        let cof = crate::material::neo_hookean::cofactor_in::<_, AXISYMMETRIC>(f);
+        let cof = cofactor_in::<_, AXISYMMETRIC>(f);
         let j = determinant(f, &cof);
         let lanes = WithVolume { shape: constants.shape::<f32>(), volume: constants.volume().unwrap() };
         let found = LaneShape::splat::<Lanes<f32>>(&lanes.shape).distortion::<AXISYMMETRIC>(f, &cof, j);
@@ -561,7 +806,7 @@ mod tests {
             let largest = largest_square(&f).sqrt();
             let scale = p.iter().fold(bound * largest, |a, p| a.max(p.abs()));
             off[0] = off[0].max((f64::from(found.energy.0[lane]) - w).abs() / (scale * largest));
-            for n in (0..9).filter(|&n| crate::material::neo_hookean::is_there::<AXISYMMETRIC>(n)) {
+            for n in (0..9).filter(|&n| is_there::<AXISYMMETRIC>(n)) {
                 let stress = f64::from(found.across.0[lane]) * cof[n] + f64::from(found.stress[n].0[lane]);
                 let error = (stress - p[n]).abs() / scale;
                 off[1] = if error.is_nan() { f64::NAN } else { off[1].max(error) };

@@ -3,8 +3,7 @@
 
 use crate::approximation::ShapeTable;
 use crate::material::Volumetric;
-use crate::number::Real;
-use crate::number::lanes::{Loop, run};
+use crate::number::{Loop, Real, run};
 use crate::shares::Shares;
 
 use super::dilatation::Dilatation;

@@ -38,7 +38,7 @@ impl Rest {
             sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
             dragged: Sums::default(),
         };
-        let drag = Drag::new([0.0, 0.0, -1.0], Vec::new(), &[], Vec::new(), 1.0);
+        let drag = Drag::new([0.0, 0.0, -1.0], (Vec::new(), Vec::new()), &[], Vec::new(), 1.0);
         let memory = with_kernel!((kernel) => (k) { k.memory() });
         Self { control, role, instrument: None, base: None, drag, memory }
     }

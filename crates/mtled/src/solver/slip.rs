@@ -6,7 +6,7 @@ use super::drag::Drag;
 cloned_field_by_field! {
     /// Slip: what a dragged body remembers.
     #[derive(Debug)]
-    pub struct Slip {
+    pub(super) struct Slip {
         /// d, m.
         pub at: f64,
         /// b of each layer, m.
@@ -37,9 +37,8 @@ cloned_field_by_field! {
 }
 
 impl Slip {
-    /// Force of the wall and of the end on the tissue, N, into the body.
-    #[must_use]
-    pub fn forces(&self) -> [f64; 2] {
+    /// Force of the wall and of the end on the tissue that the model has, N, into the body.
+    pub(super) fn forces(&self) -> [f64; 2] {
         [self.pull.iter().sum(), self.push.iter().sum()]
     }
 

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use crate::number::{LANES, Lanes};
-use crate::number::{Number, Real};
+use crate::number::{LANES, Lanes, Number, Real};
 
 /// Fields that go through a strip together at most.
 pub(super) const FIELDS: usize = 2;

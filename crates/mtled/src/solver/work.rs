@@ -2,8 +2,7 @@
 
 use super::kernel::Kernel;
 use super::model::{Model, with_kernel};
-use crate::number::LANES;
-use crate::number::Real;
+use crate::number::{LANES, Real};
 
 /// Operations of the law at one point: cofactor and determinant in both passes (64), inverse cube root (20), invariant
 /// (18), energies and pressures (30), stress (36).

@@ -12,8 +12,20 @@
 //! fast they come there. c is some 20 times what a rigid rod in a wide block has (4 pi / ln of some hundred), since tissue that has just been moved
 //! resists by its inertia as well: with 20 the shape oscillates.
 //!
+//! Torsion: friction t_i h of each layer against a shaft that is turned twists it by
+//!
+//! ```text
+//! T = sum_i t_i h_i s_i / (G J)      s_i: arc length from the clamp to the layer
+//! ```
+//!
+//! The tip stands until the driver has turned by T, and follows it by that much (exact where friction is the same all along; Reed, Okamura, Cowan,
+//! "Modeling and control of needles with torsional friction", IEEE Trans. Biomed. Engng 56:2905, 2009). Friction has one direction: of a shaft that goes along its
+//! axis by dz while it turns by dphi, the share R dphi / |(R dphi, dz)| of it resists the turn. So a needle that goes on lets the twist go.
+//!
 //! Material that the tip has passed keeps its place at the shaft ([`super::needle`], [`super::frictional`]): the channel is where the tip has been, not
 //! the scene's straight path. A layer of the path's nodes stands for tissue at the channel, however far that is from the path.
+
+use std::f64::consts::{PI, TAU};
 
 use crate::scene::Needle;
 use elastic_rod::{Clamp, Force, Rod, Spring};
@@ -47,6 +59,10 @@ pub(super) struct Held {
     pub force: [f64; 3],
     /// mu h, N/m; 0 where tissue goes along with a force and not with the shaft.
     pub shear: f64,
+    /// h, m.
+    pub length: f64,
+    /// Friction per length, N/m: t over R of a needle whose key does not say it.
+    pub friction: f64,
 }
 
 /// A list whose copies have its room, so that they never grow while the twin steps.
@@ -107,6 +123,15 @@ cloned_field_by_field! {
         moved: f64,
         /// Force of the template on the needle, N.
         template_force: [f64; 3],
+        /// G J, N m^2, and R, m.
+        torsional_stiffness: f64,
+        radius: f64,
+        /// t, if the scene says it, N.
+        torsional_friction: Option<f64>,
+        /// T of the last look, rad.
+        twist: f64,
+        /// Rotation of driver and tip, rad.
+        roll: [f64; 2],
     }
 }
 
@@ -123,8 +148,9 @@ impl Bending {
             let up = z.get() - top;
             [-x * up, -y * up, up]
         });
+        let section = flexible.section(needle.diameter);
         Some(Self {
-            rod: Rod::new(&flexible.section(needle.diameter), length, SEGMENTS, &clamp),
+            rod: Rod::new(&section, length, SEGMENTS, &clamp),
             clamp,
             length,
             template,
@@ -140,6 +166,11 @@ impl Bending {
             last_move: [0.0; 3],
             moved: 0.0,
             template_force: [0.0; 3],
+            torsional_stiffness: section.torsional_stiffness(),
+            radius: 0.5 * needle.diameter.get(),
+            torsional_friction: flexible.torsional_friction,
+            twist: 0.0,
+            roll: [0.0; 2],
         })
     }
 
@@ -152,7 +183,7 @@ impl Bending {
         self.springs.0.clear();
         self.holds.0.clear();
         (self.since, self.poses, self.last_move) = (0.0, 0, [0.0; 3]);
-        (self.moved, self.template_force) = (0.0, [0.0; 3]);
+        (self.moved, self.template_force, self.twist, self.roll) = (0.0, [0.0; 3], 0.0, [0.0; 2]);
     }
 
     /// Lets the driver go to where its straight needle would have that tip, and the rod to rest beside what holds it.
@@ -170,6 +201,7 @@ impl Bending {
         if self.since >= self.apart || self.poses >= MOST_POSES || travel <= 0.0 {
             self.look(held, &clamp);
         }
+        self.turn(straight.roll, travel);
         self.since += travel;
         for at in &mut self.holds.0 {
             at.now = axis_at(&self.rod, at.depth);
@@ -218,14 +250,34 @@ impl Bending {
         self.forces.0.clear();
         self.springs.0.clear();
         self.holds.0.clear();
-        for Held { layer, depth, force, shear } in held {
+        let (mut twist, mut held_length) = (0.0, 0.0);
+        for Held { layer, depth, force, shear, length, friction } in held {
             let arc = arc_at(&self.rod, depth);
+            twist +=
+                self.torsional_friction.unwrap_or(self.radius * friction) * length * arc / self.torsional_stiffness;
+            held_length += length;
             let place = self.rod.at(arc);
             let stiffness = FOUNDATION * shear;
             self.forces.0.push(Force { arc, force });
             self.springs.0.push(Spring { arc, place, axis: clamp.direction, stiffness });
             let seen = axis_at(&self.rod, depth);
             self.holds.0.push(Hold { layer, depth, seen, now: seen, anchor: [place[0], place[1]] });
+        }
+        // layers stand for more than is in the tissue
+        let inside = self.length - arc_at(&self.rod, 0.0);
+        self.twist = if held_length > inside { twist * inside / held_length } else { twist };
+    }
+
+    /// Turns the driver to a rotation in rad, while it travels by so many m, and the tip after it.
+    fn turn(&mut self, to: f64, travel: f64) {
+        let [driver, tip] = self.roll;
+        let by = PI - (PI - to + driver).rem_euclid(TAU);
+        let way = (self.radius * by).hypot(travel);
+        if way > 0.0 {
+            let lag = self.twist * (self.radius * by).abs() / way;
+            // a whole turn more or less is the same rotation of both
+            let driver = driver + by;
+            self.roll = [to, tip.clamp(driver - lag, driver + lag) + to - driver];
         }
     }
 
@@ -261,7 +313,12 @@ impl Bending {
     pub(super) fn tip(&self, straight: &Tip) -> Tip {
         let x = self.rod.vertices();
         let d = self.rod.tip_direction();
-        Tip { offset: x[x.len() - 1], depth: straight.depth, slope: [d[0] / d[2], d[1] / d[2]], roll: straight.roll }
+        Tip { offset: x[x.len() - 1], depth: straight.depth, slope: [d[0] / d[2], d[1] / d[2]], roll: self.roll[1] }
+    }
+
+    /// Rotation of the tip, rad.
+    pub(crate) fn tip_roll(&self) -> f64 {
+        self.roll[1]
     }
 
     /// Places from the clamp to the tip, m.

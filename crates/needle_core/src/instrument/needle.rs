@@ -322,11 +322,12 @@ impl NeedlePath {
             }
             let whole = self.mirror.map_or(force, |mirror| mirror.within(&force).map(|x| 2.0 * x));
             let (whole, holds_aside) = self.beside_bevel(first, whole);
-            let shear = if holds_aside { self.shear_modulus[first] * self.above[first] } else { 0.0 };
+            let (length, friction) = (self.above[first], 0.0);
+            let shear = if holds_aside { self.shear_modulus[first] * length } else { 0.0 };
             first = end;
             let layer = count;
             count += 1;
-            Some(holds.then_some(flexible::Held { layer, depth, force: whole, shear }))
+            Some(holds.then_some(flexible::Held { layer, depth, force: whole, shear, length, friction }))
         })
         .flatten()
     }

@@ -6,7 +6,7 @@ use std::io::Read as _;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use flate2::read::ZlibDecoder;
 
-use super::Flaw;
+use super::imported::Flaw;
 
 /// Bytes that an array may unpack to, per byte of the file.
 const LARGEST_RATIO: usize = 64;

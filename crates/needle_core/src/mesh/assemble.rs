@@ -6,11 +6,9 @@ use mtled::cloud::check::{self, Fault};
 use mtled::cloud::hexahedron::is_sound;
 use mtled::cloud::quality::{Summary, six_volumes, volume_length};
 
-use super::{Imported, Volumes, Wanted};
+use super::imported::{Imported, Volumes, Wanted};
 use mtled::cloud::{BASE, Cloud, Hexahedron, MAX_NODES, SIDE, TOP, hilbert_order, sort_cells};
 
-/// Largest extent of a body, m: what is larger was meant in another unit.
-const LARGEST: f64 = 10.0;
 /// Quality of a cell (1: regular tetrahedron) below which it is worth a warning.
 const POOR: f64 = 0.1;
 /// Volume of a cell over the cube of its longest edge at which it counts as flat.
@@ -70,18 +68,6 @@ pub(super) fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
         return Err(format!("it has {} nodes; at most {MAX_NODES} are taken: use a coarser mesh", mesh.points.len()));
     }
     mesh.points.iter_mut().flatten().for_each(|x| *x *= unit_m);
-    let extent = |k: usize| {
-        let along = || mesh.points.iter().map(|p| p[k]);
-        along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
-    };
-    let largest = (0..3).map(extent).fold(0.0, f64::max);
-    if largest > LARGEST {
-        let (name, unit) = if largest > 1e3 * unit_m { ("um", "1e-6") } else { ("mm", "0.001") };
-        return Err(format!(
-            "it is {largest:.4} m long with {unit_m} m per unit (mesh_unit_m); at most {LARGEST} m are taken: a mesh \
-             in {name} has mesh_unit_m = {unit}"
-        ));
-    }
     Ok(())
 }
 

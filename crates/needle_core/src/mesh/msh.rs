@@ -8,8 +8,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::imported::{Flaw, Imported, Volumes};
 use super::words::{Words, short};
-use super::{Flaw, Imported, Volumes};
 
 /// What to do about a file of another form.
 const SAVE_AS: &str = "save it with Mesh.MshFileVersion = 4.1";

@@ -6,7 +6,7 @@ use mtled::cloud::quality::Summary;
 use mtled::cloud::{Cloud, MAX_NODES};
 
 use super::assemble::{scale, surface_faces};
-use super::{Imported, Volumes, Wanted};
+use super::imported::{Imported, Volumes, Wanted};
 
 /// The cloud, and warnings.
 pub(super) fn skin(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud, Volumes, Vec<String>), String> {

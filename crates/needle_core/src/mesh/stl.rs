@@ -5,8 +5,8 @@
 
 use std::collections::BTreeMap;
 
+use super::imported::{Flaw, Imported};
 use super::words::{Words, short};
-use super::{Flaw, Imported};
 
 /// Names of the two surfaces of a file that names none: the defaults of the scene's keys.
 const BASE: &str = "base";

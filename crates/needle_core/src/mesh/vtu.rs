@@ -6,7 +6,7 @@
 use roxmltree::{Document, Node};
 
 use super::arrays::{Appended, Encoding};
-use super::{Flaw, Imported};
+use super::imported::{Flaw, Imported};
 
 /// VTK's numbers of linear cells with their corners: vertex, line, triangle, pixel and quadrangle; tetrahedron, hexahedron, wedge, pyramid.
 const SMALLER: [(f64, usize); 5] = [(1.0, 1), (3.0, 2), (5.0, 3), (8.0, 4), (9.0, 4)];

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::Flaw;
+use super::imported::Flaw;
 
 /// Reads a file in words and lines; its numbers too, as text or in little endian bytes.
 pub(super) struct Words<'a> {

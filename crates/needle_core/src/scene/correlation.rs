@@ -8,39 +8,12 @@
 //! standard normal number z = Phi^-1(p), the z of all keys have the correlation matrix R, and each key keeps its own distribution.
 //! Independent z become z' = L z with R = L L^T. For two normal keys r is their own correlation, for others nearly so.
 
-use std::collections::BTreeMap;
-
 use nalgebra::{Cholesky, DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF as _, Normal};
-use toml::de::{DeTable, DeValue};
 
-use super::uncertainty::Uncertain;
-
-/// Word of a key's correlations.
-pub(super) const WORD: &str = "correlation";
-
-/// Correlations of a key, as a file has them: paths of other keys and numbers, or what is wrong with them.
-pub(super) fn read(table: &DeTable<'_>) -> Result<BTreeMap<String, f64>, String> {
-    let mut found = BTreeMap::new();
-    for (name, value) in table {
-        let name = name.get_ref();
-        let number: f64 = match value.get_ref() {
-            DeValue::Float(digits) => digits.as_str().parse().ok(),
-            DeValue::Integer(digits) => digits.as_str().parse().ok(),
-            DeValue::Table(inner) => {
-                found.extend(read(inner)?.into_iter().map(|(key, r)| (format!("{name}.{key}"), r)));
-                continue;
-            }
-            _ => None,
-        }
-        .unwrap_or(f64::NAN);
-        if !(-1.0 < number && number < 1.0) {
-            return Err(format!("a correlation is a number above -1 and below 1; that with {name} is not"));
-        }
-        found.insert(name.to_string(), number);
-    }
-    Ok(found)
-}
+use super::SceneError;
+use super::check::Check;
+use super::uncertainty::{CORRELATION, Recorded, Uncertain, inconsistent};
 
 /// How the keys of a scene depend on each other.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,11 +37,11 @@ impl Dependence {
             for (other, &number) in &one.correlation {
                 let j = keys.iter().position(|known| known.key == *other).filter(|j| *j != i);
                 let Some(j) = j else {
-                    return Err((i, format!("{WORD} with {other}, which is no other key of [uncertainty]")));
+                    return Err((i, format!("{CORRELATION} with {other}, which is no other key of [uncertainty]")));
                 };
                 let back = keys.get(j).and_then(|other| other.correlation.get(&one.key)).copied();
                 if back.is_some_and(|back| back != number) {
-                    return Err((i, format!("{WORD} with {other} is {number} here and another number there")));
+                    return Err((i, format!("{CORRELATION} with {other} is {number} here and another number there")));
                 }
                 r[(i, j)] = number;
                 r[(j, i)] = number;
@@ -76,7 +49,10 @@ impl Dependence {
         }
         let last = keys.iter().rposition(|one| !one.correlation.is_empty()).unwrap_or(0);
         let factor = Cholesky::new(r).ok_or_else(|| {
-            (last, format!("no numbers have these values of {WORD} together (the matrix is not positive definite)"))
+            (
+                last,
+                format!("no numbers have these values of {CORRELATION} together (the matrix is not positive definite)"),
+            )
         })?;
         Ok(Self { factor: Some(factor.l()) })
     }
@@ -88,6 +64,22 @@ impl Dependence {
         let z = l * DVector::from_iterator(independent.len(), independent.iter().map(|&p| normal.inverse_cdf(p)));
         let inside = |p: f64| p.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON / 2.0);
         z.iter().map(|&z| inside(normal.cdf(z))).collect()
+    }
+}
+
+impl Check<'_> {
+    /// Every uncertain key is one that this scene has.
+    pub(super) fn uncertainty(&self) -> Result<(), SceneError> {
+        let absent = |one: &&Uncertain| Recorded::of(&one.key).is_none() && self.scene.get(&one.key).is_none();
+        let refuse =
+            |one: &Uncertain, reason| Err(inconsistent(&one.key, &one.to_string(), self.values.origin(), reason));
+        if let Some(one) = self.scene.uncertainty.iter().find(absent) {
+            return refuse(one, format!("scene {} has no such key", self.scene.name));
+        }
+        match Dependence::of(&self.scene.uncertainty) {
+            Err((at, reason)) => self.scene.uncertainty.get(at).map_or(Ok(()), |one| refuse(one, reason)),
+            Ok(_) => Ok(()),
+        }
     }
 }
 

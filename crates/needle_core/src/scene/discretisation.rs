@@ -2,7 +2,7 @@
 
 use mtled::solver::{self, Precision};
 
-use super::section::{choice, section};
+use super::section::{choice, section, words};
 use super::{Key, Metres, Range, Word};
 
 /// The shapes whose nodes the twin places itself.
@@ -164,3 +164,9 @@ pub enum Dimension {
     /// Three dimensions.
     Full,
 }
+
+words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
+words!(Integration: Plain = "plain", Consistent = "consistent", Auto = "auto");
+words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Mirrored = "mirrored", Full = "full");
+words!(VolumeRatio: Auto = "auto", Mixed = "mixed", Projected = "projected", Pointwise = "pointwise", Averaged = "averaged");
+words!(Precision: F32 = "f32", F64 = "f64");

@@ -154,6 +154,14 @@ impl Scene {
                 None => (change.path.as_str(), change.checked()?),
             };
             values.check_element(path, &change.place)?;
+            if values.is_of_replaced_model(path) {
+                return Err(SceneError::DoesNotApply {
+                    place: change.place.clone(),
+                    key: change.path.clone(),
+                    value: change.shown(),
+                    reason: "the material has a law of the caller's own".to_owned(),
+                });
+            }
             values.insert(path, value, change.place.clone());
             changed.insert(path.to_owned());
         }

@@ -28,11 +28,12 @@ pub struct Grading {
 const NONE: [f64; 2] = [0.235, 0.35];
 const PLATE: [f64; 2] = [0.235, 0.4];
 const INDENTER: [f64; 2] = [0.2235, 0.28];
-/// A needle; in a half plane one with friction; in space one that has a membrane to pierce. With a growth of 0.4 and supports of 1.6 round a
+/// A needle; in a half plane one with friction; in space that, and one that has a membrane to pierce. With a growth of 0.4 and supports of 1.6 round a
 /// needle in space a step costs a third, and the force is up to 1.4 % off finite elements where it is 0.8 % with these
 /// (`docs/lab/performance.md`).
 const NEEDLE: [f64; 2] = [0.274, 0.3];
 const FRICTION: [f64; 2] = [0.3, 0.3];
+const FRICTION_IN_SPACE: [f64; 2] = [0.353, 0.4];
 const MEMBRANE: [f64; 2] = [0.3, 0.5];
 /// Spacing at the edge of a plate over that far from it, at that of an indenter over its radius, and on a needle's path over its capture
 /// radius.
@@ -45,14 +46,17 @@ const EDGE_IN_OUTLINE: f64 = 0.3;
 /// The accuracy for which these hold (`docs/lab/model_error.md`), and the steepest growth that a scene may ask for.
 const STANDARD_ACCURACY: f64 = 0.01;
 const STEEPEST: f64 = 0.5;
-/// Spacing in a half plane of several regions over that in space. A kinematic needle's scenes are coarser in space.
+/// Spacing in a half plane of several regions over that in space; round a kinematic needle, whose path is finer at the boundaries.
 const PLANE_REFINEMENT: f64 = 0.5;
-const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
+const NEEDLE_PLANE_REFINEMENT: f64 = 0.7;
 /// Support radius over the mean edge length. Narrow supports are too stiff where the field bends sharply, plain sums too soft: consistent
 /// ones leave the first error alone, and take wider supports. Beside an interface, where supports are one-sided, wide ones are too soft
 /// (`docs/lab/integration.md`).
 const SUPPORT: f64 = 1.8;
 const WIDE_SUPPORT: f64 = 2.1;
+/// That of a needle with friction in space: with a coarse cloud the two errors cancel in part, and little of its force is across the needle
+/// (`docs/lab/friction.md`).
+const NARROW_SUPPORT: f64 = 1.6;
 
 impl Scene {
     /// How the nodes are spaced, in the dimension that the scene runs in; `None` where a mesh brings them.
@@ -72,6 +76,7 @@ impl Scene {
             Some((InstrumentKind::Indenter { .. }, _)) => INDENTER,
             Some((InstrumentKind::Needle(_), true)) if dimension == Dimension::Axisymmetric => FRICTION,
             Some((InstrumentKind::Needle(_), true)) if self.has_membrane() => MEMBRANE,
+            Some((InstrumentKind::Needle(_), true)) => FRICTION_IN_SPACE,
             Some((InstrumentKind::Needle(_), _)) => NEEDLE,
         };
         let fineness = self.fineness();
@@ -107,8 +112,11 @@ impl Scene {
     pub fn support_factor_in(&self, dimension: Dimension) -> f64 {
         let given = self.discretisation.support_factor;
         let indenter = matches!(&self.instrument, Some(i) if matches!(i.kind, InstrumentKind::Indenter { .. }));
+        let frictional = self.instrument.is_some_and(|i| i.is_frictional());
         if given > 0.0 {
             given
+        } else if frictional && self.is_consistent_in(dimension) {
+            NARROW_SUPPORT
         } else if self.is_consistent_in(dimension) && self.regions.is_empty() && indenter {
             WIDE_SUPPORT
         } else {

@@ -1,6 +1,6 @@
 //! `[instrument]`: the rigid instrument that meets the top face.
 
-use super::section::{Scope, Section, choice, section};
+use super::section::{Scope, Section, choice, section, words};
 use super::values::Values;
 use super::{Key, Metres, MetresPerSecond, Pascals, Radians, Range, SceneError};
 
@@ -128,6 +128,10 @@ section! {
         inner_diameter: Metres = bends(Key::real("instrument.inner_diameter_m", Range::closed(0.0, 10.0), "m")).or("0.0"),
         /// Young's modulus of the tube; 2e11 is that of steel, nitinol has 6e10 or so.
         youngs_modulus: Pascals = bends(Key::real("instrument.youngs_modulus_pa", Range::closed(1e6, 1e15), "Pa")).or("2e11"),
+        /// Torque with which tissue resists the shaft's rotation, per length of shaft: the tip of a turned needle lags behind the driver by what that
+        /// twists. auto: friction per length times the radius for a needle with friction, and none for another.
+        torsional_friction: Option<f64> =
+            bends(Key::real("instrument.torsional_friction_n", Range::closed(0.0, 1e3), "N")).or_auto(),
         /// Length of the tube from the driver's clamp to the tip.
         length: Metres = bends(Key::real("instrument.length_m", LENGTH, "m")),
         /// Height in frame `sample` of a template whose hole on the needle's path holds the shaft sideways; auto: there is none.
@@ -367,3 +371,7 @@ pub enum DeformationRule {
     /// u_i = C_D d.
     Absolute,
 }
+
+words!(IndenterTip: Flat = "flat", Sphere = "sphere");
+words!(NeedleTip: Flat = "flat", Conical = "conical", Bevel = "bevel");
+words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");

@@ -1,6 +1,6 @@
 //! One entry of the registry: what a key means and which values it takes.
 
-use super::{Range, SceneError, Value, keys::nearest_word};
+use super::{Range, SceneError, Value};
 
 /// Type and allowed values of a key.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -307,6 +307,17 @@ impl Key {
         };
         self.check(&value, path, place)
     }
+}
+
+/// The word of a list that is most like an unknown one, unless none is like it at all.
+#[must_use]
+pub(crate) fn nearest_word<'a>(word: &str, words: &[&'a str]) -> Option<&'a str> {
+    words
+        .iter()
+        .map(|known| (strsim::jaro_winkler(word, known), *known))
+        .filter(|(score, _)| *score > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, known)| known)
 }
 
 /// A number as TOML or Rust writes it; anything else stays text, which the check then refuses by name.

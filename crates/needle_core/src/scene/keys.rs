@@ -79,17 +79,6 @@ pub fn nearest(path: &str) -> Option<&'static Key> {
         .map(|(_, key)| key)
 }
 
-/// The word of a list that is most like an unknown one, unless none is like it at all.
-#[must_use]
-pub(crate) fn nearest_word<'a>(word: &str, words: &[&'a str]) -> Option<&'a str> {
-    words
-        .iter()
-        .map(|known| (strsim::jaro_winkler(word, known), *known))
-        .filter(|(score, _)| *score > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, known)| known)
-}
-
 /// Likeness of two dotted paths in [0, 1]. A right last part in the wrong section counts nearly as much as the
 /// right path, since that is the common mistake; so does a last part without its unit.
 fn likeness(path: &str, known: &str) -> f64 {

@@ -1,8 +1,10 @@
 //! `[material]`: the constitutive law of the sample and its constants.
 
-use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, ogden, prony};
+use mtled::material::{
+    Distortional, Law, MooneyRivlin, Ogden, Own, Prony, VerondaWestmann, Volumetric, Yeoh, ogden, prony,
+};
 
-use super::section::{Scope, Section, choice, read_terms, section, write};
+use super::section::{Scope, Section, choice, read_terms, section, words, write};
 use super::values::Values;
 use super::{Key, KilogramsPerCubicMetre, Pascals, PoissonRatio, Range, SceneError, Word};
 
@@ -12,6 +14,8 @@ section! {
     pub struct Material => {
         /// The law of the change of shape.
         model: MaterialModel,
+        /// A law of the caller's own in its place. It stays when keys change; a file cannot say it.
+        own: Option<Own>,
         /// Energy of a change of volume: quadratic, or logarithmic, which grows without bound as the volume goes to 0.
         volumetric: Volumetric = Key::word("material.volumetric", Volumetric::WORDS).or("quadratic"),
         /// Relaxation of the change of shape; no terms: elastic.
@@ -29,10 +33,7 @@ section! {
 choice! {
     /// Which constitutive law (`material.model`), with the constants that only it has.
     #[derive(Clone, Copy, Debug, PartialEq)]
-    pub enum MaterialModel = Key::word("material.model", MaterialModel::WORDS)
-        .described("Constitutive law of the change of shape.")
-        .or("neo_hookean")
-    => {
+    pub enum MaterialModel = MODEL => {
         /// W = mu/2 (J^-2/3 I1 - 3).
         "neo_hookean" => NeoHookean {
             /// Small-strain shear modulus mu; the instantaneous one where the material relaxes.
@@ -65,6 +66,26 @@ choice! {
             /// c of the exponential law: how fast the tissue stiffens. Veronda and Westmann's C2, and their C1 is mu/c.
             exponent: f64 = Key::real("material.stiffening_exponent", Range::above(0.0, 100.0), ""),
         },
+    }
+}
+
+const MODEL: Key = Key::word("material.model", MaterialModel::WORDS)
+    .described("Constitutive law of the change of shape.")
+    .or("neo_hookean");
+
+impl Section for Option<Own> {
+    fn keys() -> Vec<Key> {
+        Vec::new()
+    }
+
+    fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
+        Ok(values.own_law(&scope.path(&MODEL)))
+    }
+
+    fn write(&self, values: &mut Values, scope: Scope<'_>) {
+        if let Some(law) = self {
+            values.put_own_law(scope.path(&MODEL), *law);
+        }
     }
 }
 
@@ -121,9 +142,7 @@ impl Material {
     /// Small-strain shear modulus mu, Pa, instantaneous where the material relaxes.
     #[must_use]
     pub fn shear_modulus(&self) -> f64 {
-        let bulk_modulus = 0.0;
-        Law { distortional: self.distortional(), bulk_modulus, volumetric: self.volumetric, prony: self.prony }
-            .shear_modulus()
+        self.distortional().shear_modulus()
     }
 
     /// Bulk modulus kappa = 2 mu (1 + nu) / (3 (1 - 2 nu)), Pa.
@@ -145,6 +164,9 @@ impl Material {
     }
 
     fn distortional(&self) -> Distortional {
+        if let Some(law) = self.own {
+            return Distortional::Own(law);
+        }
         match self.model {
             MaterialModel::NeoHookean { shear_modulus } => {
                 Distortional::NeoHookean { shear_modulus: shear_modulus.get() }
@@ -162,3 +184,5 @@ impl Material {
         }
     }
 }
+
+words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");

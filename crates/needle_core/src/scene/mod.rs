@@ -43,7 +43,6 @@ mod uncertainty;
 mod units;
 mod value;
 mod values;
-mod words;
 
 pub use align::Align;
 pub use check::LARGEST_POISSON_RATIO;
@@ -68,6 +67,7 @@ pub use range::Range;
 pub use region::Region;
 pub use region::RegionShape;
 pub use sample::{Base, MeshFile, Sample, Shape};
+pub use section::Word;
 pub use stepping::Stepping;
 pub use symmetry::Resolved;
 pub use target::Target;
@@ -75,7 +75,6 @@ pub use uncertainty::{Prior, Recorded, Uncertain};
 pub use units::{Hertz, Metres, Radians, Seconds};
 pub use units::{KilogramsPerCubicMetre, MetresPerSecond, Pascals, PoissonRatio};
 pub use value::Value;
-pub use words::Word;
 
 use section::section;
 

@@ -1,6 +1,6 @@
 //! The scenes that are compiled in.
 
-use super::keys::nearest_word;
+use super::key::nearest_word;
 use super::{Scene, SceneError};
 
 /// A scene that is compiled in.

@@ -7,7 +7,43 @@
 use super::key::AUTO;
 use super::values::Values;
 use super::{Hertz, KilogramsPerCubicMetre, MetresPerSecond, Pascals, PoissonRatio, Radians, Seconds};
-use super::{Key, Metres, SceneError, Value, Word};
+use super::{Key, Metres, SceneError, Value};
+
+/// A choice that a scene file makes by a word.
+pub trait Word: Sized + Copy {
+    /// Every word, in the order of the variants.
+    const WORDS: &'static [&'static str];
+
+    /// The word that files and messages use.
+    #[must_use]
+    fn as_str(self) -> &'static str;
+
+    /// The variant that a word stands for.
+    #[must_use]
+    fn from_word(word: &str) -> Option<Self>;
+}
+
+/// Ties the variants of a plain enum to their words.
+macro_rules! words {
+    ($type:ident: $($variant:ident = $word:literal),+) => {
+        impl $crate::scene::Word for $type {
+            const WORDS: &'static [&'static str] = &[$($word),+];
+
+            fn as_str(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $word),+
+                }
+            }
+
+            fn from_word(word: &str) -> Option<Self> {
+                match word {
+                    $($word => Some(Self::$variant),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
 
 /// Which of several sections with the same keys is meant.
 #[derive(Clone, Copy, Debug)]
@@ -401,4 +437,4 @@ macro_rules! choice {
     };
 }
 
-pub(super) use {choice, field_keys, read_field, section, write_field};
+pub(super) use {choice, field_keys, read_field, section, words, write_field};

@@ -50,9 +50,6 @@ impl Scene {
         if self.sample.shape.mesh().is_some() {
             return Err("a mesh has no plane of symmetry that is known".to_owned());
         }
-        if self.instrument.is_some_and(|i| i.is_frictional()) {
-            return Err("a frictional needle (instrument.interaction) is modelled whole".to_owned());
-        }
         if self.bevel().is_some_and(|bevel| bevel.roll.get().sin().abs() > SAME_WAY) {
             return Err("the bevel pushes the needle out of the plane of its path (instrument.roll_rad)".to_owned());
         }

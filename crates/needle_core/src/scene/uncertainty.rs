@@ -14,11 +14,9 @@ use std::collections::BTreeMap;
 use statrs::distribution::{ContinuousCDF as _, LogNormal, Normal, Uniform};
 use toml::de::{DeTable, DeValue};
 
-use super::check::Check;
-use super::correlation;
 use super::section::{Scope, Section};
 use super::values::Values;
-use super::{Dependence, Key, Kind, Range, SceneError, Value, keys};
+use super::{Key, Kind, Range, SceneError, Value, keys};
 
 /// Name of the section.
 pub(super) const SECTION: &str = "uncertainty";
@@ -152,7 +150,7 @@ pub struct Uncertain {
     pub key: String,
     /// What is believed of it.
     pub prior: Prior,
-    /// Correlation with other keys, by their paths: see [`Dependence`].
+    /// Correlation with other keys, by their paths: see [`Dependence`](super::Dependence).
     pub correlation: BTreeMap<String, f64>,
 }
 
@@ -165,7 +163,7 @@ impl std::fmt::Display for Uncertain {
         match list.is_empty() {
             true => write!(f, "{}", self.prior),
             false => {
-                write!(f, "{{ {} = {numbers}, {} = {{ {} }} }}", self.prior.word(), correlation::WORD, list.join(", "))
+                write!(f, "{{ {} = {numbers}, {} = {{ {} }} }}", self.prior.word(), CORRELATION, list.join(", "))
             }
         }
     }
@@ -212,7 +210,7 @@ impl Uncertain {
     }
 }
 
-fn inconsistent(path: &str, value: &str, place: &str, reason: String) -> SceneError {
+pub(super) fn inconsistent(path: &str, value: &str, place: &str, reason: String) -> SceneError {
     SceneError::Inconsistent {
         place: place.to_owned(),
         key: format!("{SECTION}.{path}"),
@@ -240,6 +238,32 @@ fn range_of(path: &str, value: &str, place: &str) -> Result<(Range, String), Sce
     }
 }
 
+/// Word of a key's correlations.
+pub(super) const CORRELATION: &str = "correlation";
+
+/// Correlations of a key, as a file has them: paths of other keys and numbers, or what is wrong with them.
+fn correlations(table: &DeTable<'_>) -> Result<BTreeMap<String, f64>, String> {
+    let mut found = BTreeMap::new();
+    for (name, value) in table {
+        let name = name.get_ref();
+        let number: f64 = match value.get_ref() {
+            DeValue::Float(digits) => digits.as_str().parse().ok(),
+            DeValue::Integer(digits) => digits.as_str().parse().ok(),
+            DeValue::Table(inner) => {
+                found.extend(correlations(inner)?.into_iter().map(|(key, r)| (format!("{name}.{key}"), r)));
+                continue;
+            }
+            _ => None,
+        }
+        .unwrap_or(f64::NAN);
+        if !(-1.0 < number && number < 1.0) {
+            return Err(format!("a correlation is a number above -1 and below 1; that with {name} is not"));
+        }
+        found.insert(name.to_string(), number);
+    }
+    Ok(found)
+}
+
 /// Reads the distributions of a table, in which `"material.density"` and `material.density` are the same key; `shown` is how the
 /// file has it.
 pub(super) fn read(path: &str, value: &DeValue<'_>, shown: &str, place: &str) -> Result<Vec<Uncertain>, SceneError> {
@@ -250,12 +274,12 @@ pub(super) fn read(path: &str, value: &DeValue<'_>, shown: &str, place: &str) ->
     let mut correlation = BTreeMap::new();
     let mut entries: Vec<_> = table.iter().collect();
     if let [a, b] = entries[..]
-        && let Some((_, linked)) = [a, b].into_iter().find(|(name, _)| name.get_ref() == correlation::WORD)
+        && let Some((_, linked)) = [a, b].into_iter().find(|(name, _)| name.get_ref() == CORRELATION)
         && let DeValue::Table(linked) = linked.get_ref()
         && [a, b].iter().any(|(_, value)| value.get_ref().is_array())
     {
-        correlation = correlation::read(linked).map_err(|reason| inconsistent(path, shown, place, reason))?;
-        entries.retain(|(name, _)| name.get_ref() != correlation::WORD);
+        correlation = correlations(linked).map_err(|reason| inconsistent(path, shown, place, reason))?;
+        entries.retain(|(name, _)| name.get_ref() != CORRELATION);
     }
     let alone = entries.len() == 1;
     for (name, inner) in entries {
@@ -291,22 +315,6 @@ pub(super) fn parse(path: &str, text: &str, place: &str) -> Result<Uncertain, Sc
     match (found.pop(), found.is_empty()) {
         (Some(one), true) => Ok(one),
         _ => Err(wrong()),
-    }
-}
-
-impl Check<'_> {
-    /// Every uncertain key is one that this scene has.
-    pub(super) fn uncertainty(&self) -> Result<(), SceneError> {
-        let absent = |one: &&Uncertain| Recorded::of(&one.key).is_none() && self.scene.get(&one.key).is_none();
-        let refuse =
-            |one: &Uncertain, reason| Err(inconsistent(&one.key, &one.to_string(), self.values.origin(), reason));
-        if let Some(one) = self.scene.uncertainty.iter().find(absent) {
-            return refuse(one, format!("scene {} has no such key", self.scene.name));
-        }
-        match Dependence::of(&self.scene.uncertainty) {
-            Err((at, reason)) => self.scene.uncertainty.get(at).map_or(Ok(()), |one| refuse(one, reason)),
-            Ok(_) => Ok(()),
-        }
     }
 }
 

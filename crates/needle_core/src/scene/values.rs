@@ -5,6 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use mtled::material::Own;
+
 use super::key::Key;
 use super::keys::{self, KEYS, SECTIONS};
 use super::{SceneError, Uncertain, Value, uncertainty};
@@ -19,6 +21,8 @@ pub(super) struct Values {
     names: Vec<(String, String)>,
     /// Priors of keys, in their order.
     priors: Vec<Uncertain>,
+    /// Laws of the caller's own, by the path of the model in whose place they are.
+    own_laws: BTreeMap<String, Own>,
     /// File, preset or scene that is to blame where a key is absent.
     origin: String,
 }
@@ -41,7 +45,31 @@ impl Values {
     /// No value at all.
     pub(super) fn new(origin: &str) -> Self {
         let (entries, sections) = (BTreeMap::new(), BTreeSet::new());
-        Self { entries, sections, names: Vec::new(), priors: Vec::new(), origin: origin.to_owned() }
+        Self {
+            entries,
+            sections,
+            names: Vec::new(),
+            priors: Vec::new(),
+            own_laws: BTreeMap::new(),
+            origin: origin.to_owned(),
+        }
+    }
+
+    /// The law in place of the model at a path.
+    pub(super) fn own_law(&self, model: &str) -> Option<Own> {
+        self.own_laws.get(model).copied()
+    }
+
+    pub(super) fn put_own_law(&mut self, model: String, law: Own) {
+        self.own_laws.insert(model, law);
+    }
+
+    /// Whether a law of the caller's own has made a key meaningless.
+    pub(super) fn is_of_replaced_model(&self, path: &str) -> bool {
+        let of_model =
+            |key: &Key| key.path == "material.model" || key.only_with.is_some_and(|w| w.0 == "material.model");
+        let section = path.rsplit_once('.').map_or("", |(section, _)| section);
+        self.own_laws.contains_key(&format!("{section}.model")) && keys::find(path).is_some_and(of_model)
     }
 
     /// Where the whole of it comes from.
@@ -214,6 +242,9 @@ impl Values {
     /// The scene as a TOML file: every key that was put in, in the order of the registry.
     pub(super) fn to_toml(&self) -> String {
         let mut out = String::new();
+        for (model, law) in &self.own_laws {
+            let _ = writeln!(out, "# instead of {model}, which stands here, the scene had {law:?}"); // writing to a String can't fail
+        }
         for key in KEYS.iter().filter(|key| key.section().is_empty()) {
             self.write_line(&mut out, key.path, key);
         }

@@ -9,8 +9,8 @@ use mtled::approximation::{ApproximationError, ShapeTable};
 use mtled::cloud::{self, Domain, Meridian};
 use mtled::solver::Role;
 
+use super::assembly::{Built, Phi, frictional, interpolating, press, roles, settings, solver, surfaces};
 use super::body::Layout;
-use super::build::{Built, Phi, frictional, interpolating, press, roles, settings, solver, surfaces};
 use super::moved::{self, Moved};
 use super::revolve::{Revolved, sectors};
 use super::tissue::{Cells, Fields, Tissue};

@@ -35,16 +35,19 @@ const WALL_GROWTH: f64 = 0.15;
 /// Largest spacing along the path of a needle that presses before it enters in a half plane, over the capture radius: of one with a wall, and
 /// of one with friction at the membranes that it has to pierce. The edge of its tip is sharp as well.
 const PRESSED_PATH_SPACING: f64 = 0.125;
-/// There the cloud round the path is as fine, to this distance from the axis over the capture radius.
-const MEMBRANE_RADIUS: f64 = 1.5;
+/// Where a needle with friction pierces a membrane in a half plane: distance from the axis to which the cloud is finer, and spacing there, over
+/// the capture radius.
+const AT_MEMBRANE: [f64; 2] = [1.5, PRESSED_PATH_SPACING];
+/// The same where a kinematic needle passes from one region into another, and the largest spacing on the rest of its path: the shear on it jumps with
+/// the modulus there. With that spacing on all of the path it took three times as long, and the force was 1.4 % from finite elements, not 0.9
+/// (`docs/lab/interfaces.md`). Where tissue slips, the shear does not jump.
+const AT_BOUNDARY: [f64; 2] = [1.0, 0.1];
+const BETWEEN_BOUNDARIES: f64 = 0.25;
 /// What lies so far under a boundary, over the capture radius, is the region behind it.
 const UNDER_IT: f64 = 1e-3;
 /// Growth of the spacing with the distance from there along the path. With 0.4 an inner membrane breaks 50 um too early, with 0.25 and 0.2 35
 /// and 10.
-const MEMBRANE_GROWTH: f64 = 0.2;
-/// Largest spacing along a needle's path through several regions in a half plane, over the capture radius: where the shear on
-/// the needle jumps with the modulus, the force's error falls in proportion to it. Where tissue slips, the shear does not.
-const REGIONS_PATH_SPACING: f64 = 0.1;
+const BOUNDARY_GROWTH: f64 = 0.2;
 
 /// Spacing of a needle's path at the surface over that deeper down, in a half plane: over the first millimetres few layers are captured,
 /// and each counts.
@@ -209,9 +212,6 @@ impl Layout {
     pub(crate) fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         let spacing = Metres(scene.plane_refinement() * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
-        if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
-            layout.refine_path(REGIONS_PATH_SPACING);
-        }
         let wall = surface::has_wall(scene) && !scene.instrument.is_some_and(|i| i.is_frictional());
         if wall {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
@@ -220,9 +220,10 @@ impl Layout {
         if wall {
             layout.refine_path(PRESSED_PATH_SPACING);
         }
-        if scene.has_membrane() {
-            layout.refine_at_membranes(scene, domain);
+        if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
+            layout.refine_path(BETWEEN_BOUNDARIES);
         }
+        layout.refine_at_boundaries(scene, domain);
         if scene.regions.is_empty() && scene.instrument.as_ref().is_some_and(enters_at_once) {
             let entry = layout.spacing.features.iter().find_map(entry);
             layout.spacing.features.extend(entry);
@@ -239,26 +240,30 @@ impl Layout {
         }
     }
 
-    /// Makes a needle's path finer where its tip presses on a membrane.
-    fn refine_at_membranes(&mut self, scene: &Scene, domain: &Domain) {
+    /// Makes a needle's path finer where its tip presses on a membrane, and where one that holds the tissue comes from one region into another.
+    fn refine_at_boundaries(&mut self, scene: &Scene, domain: &Domain) {
         let passages = |f: &Feature| match *f {
             Feature::Path { axis, capture_radius, length, .. } => Some((axis, capture_radius, length)),
             _ => None,
         };
         let Some((axis, radius, length)) = self.spacing.features.iter().find_map(passages) else { return };
-        let mut depths = self.spacing.passages(domain, &axis, length);
+        let slips = scene.instrument.is_some_and(|i| i.is_frictional());
         let height = domain.height();
-        depths.retain(|depth| {
+        let needs_it = |depth: &f64| {
             let below = axis.section(height, depth + UNDER_IT * radius, 0.0, 0.0);
-            Resistance::of(scene, regions::at(scene, height, below), 2.0 * radius).puncture > 0.0
-        });
-        self.spacing.features.extend(depths.into_iter().map(|depth| Feature::FinePath {
+            let pierced = || Resistance::of(scene, regions::at(scene, height, below), 2.0 * radius).puncture > 0.0;
+            if slips { pierced() } else { !scene.regions.is_empty() }
+        };
+        let [reach, spacing] = if slips { AT_MEMBRANE } else { AT_BOUNDARY };
+        let fine = |depth| Feature::FinePath {
             axis,
             depths: [depth; 2],
-            radius: MEMBRANE_RADIUS * radius,
-            spacing: PRESSED_PATH_SPACING * radius,
-            growth: MEMBRANE_GROWTH,
-        }));
+            radius: reach * radius,
+            spacing: spacing * radius,
+            growth: BOUNDARY_GROWTH,
+        };
+        let depths = self.spacing.passages(domain, &axis, length);
+        self.spacing.features.extend(depths.into_iter().filter(needs_it).map(fine));
     }
 
     /// `point`: spacing at edges of contact over what the scene asks for.

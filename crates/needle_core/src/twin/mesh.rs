@@ -28,7 +28,7 @@ const LAYERS_BELOW: f64 = 2.0;
 /// Reads the mesh and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
     let (cloud, volumes, mut warnings) = read(scene, file)?;
-    let odd = oddities(scene, file, &cloud);
+    let odd = oddities(scene, file, &cloud)?;
     warnings.extend(odd.iter().cloned());
     found(scene, cloud, volumes, warnings).map_err(|error| with_oddities(error, &odd))
 }

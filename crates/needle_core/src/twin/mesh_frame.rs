@@ -5,17 +5,25 @@ use mtled::cloud::{BASE, Cloud, TOP};
 use super::BuildError;
 use crate::scene::{Instrument, InstrumentKind, MeshFile, Scene};
 
+const DEPTH: &str = "motion.depth_m";
+/// No sample is longer than this, m.
+const LARGEST_M: f64 = 10.0;
 /// Extents of bodies that are met with, m.
 const USUAL: [f64; 2] = [1e-3, 0.5];
 /// An extent of more than this many depths or diameters of the instrument is not seen in a test.
 const LARGE: f64 = 50.0;
 /// Units that meshes come in, m, and how unlikely each is (in factors of e).
 const UNITS: [(&str, f64, f64); 5] =
-    [("m", 1.0, 0.0), ("cm", 1e-2, 1.2), ("mm", 1e-3, 0.0), ("um", 1e-6, 0.0), ("inches", 0.0254, 1.2)];
-/// Depth of a usual motion over the body's largest extent.
-const DEPTH_SHARE: f64 = 0.1;
-/// Difference of two units' likelihoods, in factors of e, up to which both are named.
+    [("m", 1.0, 0.0), ("cm", 1e-2, 1.2), ("mm", 1e-3, 0.0), ("um", 1e-6, 0.0), ("inches", 0.0254, 2.5)];
+/// Depth of usual motions over the body's height, and diameter of usual instruments over its width.
+const DEPTHS: [f64; 2] = [0.02, 0.5];
+const DIAMETERS: [f64; 2] = [0.003, 0.5];
+/// How unlikely the unit is in which the mesh looks odd, in factors of e.
+const ODD: f64 = 2.5;
+/// Difference of two units'/// Difference of two units' likelihoods, in factors of e, up to which both are named.
 const NEARLY: f64 = 1.5;
+/// How much worse it is that a body is too small for motion or instrument than that it is too large.
+const TOO_SMALL: f64 = 3.0;
 /// Share of its area by which a contact surface that faces some way does so.
 const FACING: f64 = 0.3;
 
@@ -39,8 +47,20 @@ fn short(x: f64) -> String {
 }
 
 /// What looks wrong with unit and frame of a mesh.
-pub(super) fn oddities(scene: &Scene, file: &MeshFile, cloud: &Cloud) -> Vec<String> {
-    size(scene, file, extents(cloud)).into_iter().chain(direction(cloud)).collect()
+///
+/// # Errors
+/// [`BuildError::Mesh`] of a mesh that is too large for any sample.
+pub(super) fn oddities(scene: &Scene, file: &MeshFile, cloud: &Cloud) -> Result<Vec<String>, BuildError> {
+    let size = size(scene, file, extents(cloud));
+    let largest = extents(cloud).into_iter().fold(0.0, f64::max);
+    if largest > LARGEST_M {
+        let reason = format!(
+            "{}: it is {largest:.4} m long with {} m per unit (mesh_unit_m); at most {LARGEST_M} m are taken",
+            file.path, file.unit_m
+        );
+        return Err(with_oddities(BuildError::Mesh { key: "sample.mesh".to_owned(), reason }, size.as_slice()));
+    }
+    Ok(size.into_iter().chain(direction(cloud)).collect())
 }
 
 /// An error of a mesh with what looks wrong about it besides.
@@ -55,7 +75,7 @@ pub(super) fn with_oddities(error: BuildError, odd: &[String]) -> BuildError {
 
 /// Lengths of the scene that go with the body's: the depth, and the instrument's diameter.
 fn lengths(scene: &Scene) -> Vec<(&'static str, f64)> {
-    let depth = scene.motion.map(|m| ("motion.depth_m", m.depth.get()));
+    let depth = scene.motion.map(|m| (DEPTH, m.depth.get()));
     let diameter = scene.instrument.as_ref().and_then(Instrument::diameter_m).map(|d| ("instrument.diameter_m", d));
     depth.into_iter().chain(diameter).filter(|(_, length)| *length > 0.0).collect()
 }
@@ -68,10 +88,19 @@ fn size(scene: &Scene, file: &MeshFile, extents: [f64; 3]) -> Option<String> {
     if (least..=most).contains(&largest) || (largest > most && beside > 0.0 && largest < LARGE * beside) {
         return None;
     }
-    // the unit in which the scene's depth is a usual part of the body
-    let usual = if beside > 0.0 { beside / DEPTH_SHARE } else { (least * most).sqrt() };
+    let [x, y, z] = extents;
     let factor = |unit: f64| unit / file.unit_m;
-    let off = |(_, unit, unlikely): &(&str, f64, f64)| (largest * factor(*unit) / usual).ln().abs() + unlikely;
+    // outside of what is usual, in factors of e
+    let outside = |share: f64, [low, high]: [f64; 2]| (low / share).ln().max(TOO_SMALL * (share / high).ln()).max(0.0);
+    let off = |(_, unit, unlikely): &(&str, f64, f64)| {
+        let extent = largest * factor(*unit);
+        let of = |(key, length): &(&str, f64)| match *key {
+            DEPTH => outside(length / (z * factor(*unit)), DEPTHS),
+            _ => outside(length / (x.max(y) * factor(*unit)), DIAMETERS),
+        };
+        let odd = if *unit == file.unit_m { ODD } else { 0.0 };
+        lengths.iter().map(of).fold(outside(1.0 / extent, [1.0 / most, 1.0 / least]), f64::max) + unlikely + odd
+    };
     let mut units = UNITS;
     units.sort_by(|a, b| off(a).total_cmp(&off(b)));
     let [(name, unit, _), next, ..] = units;

@@ -1,6 +1,7 @@
 //! One pose in, one prediction out: [`Twin::step`].
 
 mod along;
+mod assembly;
 mod axisymmetric;
 mod body;
 mod build;

@@ -79,7 +79,7 @@ impl Twin {
         let x = shaft.places().last()?;
         let entry = self.path().entry;
         let tip = [entry[0] + x[0], entry[1] + x[1], self.fixed.top + x[2]];
-        Some(Pose { tip, axis: shaft.directions().last()?, roll_rad: self.progress.roll })
+        Some(Pose { tip, axis: shaft.directions().last()?, roll_rad: shaft.tip_roll() })
     }
 
     /// Radius that the cloud gives a needle, m ([`crate::instrument::NeedlePath::effective_radius`]); `None` without a

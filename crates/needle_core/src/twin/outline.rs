@@ -11,7 +11,7 @@ use super::{Body, BuildError, mesh};
 /// Reads the mesh, fills it and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<Body, BuildError> {
     let (cloud, volumes, mut warnings) = mesh::read(scene, file)?;
-    let odd = oddities(scene, file, &cloud);
+    let odd = oddities(scene, file, &cloud)?;
     warnings.extend(odd.iter().cloned());
     fill(scene, grading, cloud, volumes, warnings).map_err(|error| with_oddities(error, &odd))
 }

@@ -19,7 +19,8 @@
 //!
 //! is the way still made in that time over that made so far, the body's displacements weighed by their energy.
 
-use crate::scene::{InstrumentKind, Scene, Stepping};
+use crate::instrument::Resistance;
+use crate::scene::{Dimension, InstrumentKind, Scene, Stepping};
 use mtled::solver::Balance;
 
 use super::Health;
@@ -51,12 +52,20 @@ const PARTIAL_IMPULSE: [f64; 2] = [20.0, 16.0];
 const NEW_PART: [f64; 2] = [0.25, 0.5];
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
+/// The same for a needle that holds tissue of several regions in a half plane. In front of a stiffer region the force lagged by 4 %.
+const LAG_BETWEEN_REGIONS: f64 = 3.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
 const LAG_OF_SLIP: f64 = 1.0;
 /// Where tissue slips along a needle, the force changes over the way on which slip spreads, some f/K, and not over the height; what sticks
 /// lags, and no inertia in the sum of forces tells. So the change of the force at the last pose, times this, over n omega is the error that n
 /// steps leave.
 const CHANGE_OF_SLIP: f64 = 0.45;
+/// The same in space, where the path's layers are coarser and a step costs more. There a needle with friction is judged by its largest force, and
+/// forces below that which it meets on its first radii ([`FIRST_RADII`]) as if they were as large (`docs/lab/friction.md`).
+const CHANGE_OF_SLIP_IN_SPACE: f64 = 0.2;
+const FIRST_RADII: f64 = 2.0;
+/// The same for the balance at the end of a pose, at most this over the largest force so far: the verdict asks for a balance over that.
+const AHEAD: f64 = 5.0;
 /// Imbalance that ends a pose of a needle with friction, over the scene's accuracy; kinetic over strain energy, over what [`Health`] takes.
 const SETTLED: f64 = 1.5;
 const SETTLED_ENERGIES: f64 = 0.75;
@@ -74,6 +83,8 @@ pub(super) struct Pace {
     /// Travel per step that keeps the tolerance, over omega, m.
     length: f64,
     force_floor: f64,
+    /// Force by which the steps of a needle with friction in space are judged at least, N; 0 for others, and in a half plane.
+    resistance: f64,
     /// Strain energy below which motions are judged as if it were as large, J: what [`FORCE_FLOOR`] stores in a body of stiffness mu H.
     energy_floor: f64,
     peak: f64,
@@ -112,12 +123,15 @@ impl Pace {
             _ => height,
         };
         let mu = scene.material.shear_modulus();
+        let in_plane = scene.dimension().dimension == Dimension::Axisymmetric;
+        let in_space = slips && !in_plane;
         Self {
             stepping: scene.stepping,
             tolerance: scene.tolerance(),
             settled: SETTLED * scene.accuracy,
             length: LENGTH * width,
             force_floor: (if needle { FORCE_FLOOR_OF_NEEDLE } else { FORCE_FLOOR }) * mu * height * width,
+            resistance: if in_space { resistance(scene) } else { 0.0 },
             energy_floor: 0.5 * FORCE_FLOOR * FORCE_FLOOR * mu * height * height * width,
             peak: 0.0,
             imbalance: 0.0,
@@ -125,8 +139,16 @@ impl Pace {
             unsettled: 0.0,
             boost: LARGEST_BOOST,
             impulse: if slips { PARTIAL_IMPULSE } else { IMPULSE },
-            lag: if slips { LAG_OF_SLIP } else { LAG },
-            lags_by: if slips { CHANGE_OF_SLIP } else { 0.0 },
+            lag: match slips {
+                true => LAG_OF_SLIP,
+                false if needle && in_plane && !scene.regions.is_empty() => LAG_BETWEEN_REGIONS,
+                false => LAG,
+            },
+            lags_by: match (slips, in_space) {
+                (true, true) => CHANGE_OF_SLIP_IN_SPACE,
+                (true, false) => CHANGE_OF_SLIP,
+                _ => 0.0,
+            },
             force: [0.0; 3],
             change: 0.0,
             limit: u32::MAX,
@@ -147,7 +169,8 @@ impl Pace {
             let [impulse, largest] =
                 std::array::from_fn(|k| PARTIAL_IMPULSE[k] + part * (self.impulse[k] - PARTIAL_IMPULSE[k]));
             let boost = self.boost.max((impulse * unlearnt / (unit * wanted)).min(largest));
-            let lag = self.lags_by * self.change / (self.tolerance * slowest * self.peak.max(self.force_floor));
+            let size = self.peak.max(self.force_floor).max(self.resistance);
+            let lag = self.lags_by * self.change / (self.tolerance * slowest * size);
             return ((boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
         if self.unsettled >= QUIET {
@@ -172,7 +195,8 @@ impl Pace {
         self.note(balance);
         let gap = if moving { balance.gap / self.lag } else { balance.gap };
         let error = balance.error_estimate.max(gap);
-        self.gap = error / (self.tolerance * force.max(self.force_floor));
+        let size = if self.resistance > 0.0 { self.peak.max(self.resistance) } else { force };
+        self.gap = error / (self.tolerance * size.max(self.force_floor));
         let motion = (balance.kinetic / balance.strain.max(self.energy_floor)).sqrt() / self.tolerance;
         self.unsettled = self.gap.max(motion).max(FADE * self.unsettled);
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
@@ -192,7 +216,8 @@ impl Pace {
     /// follow, so a needle with friction does not leave a pose before. `energies`: kinetic over strain energy.
     pub(crate) fn is_settled(&self, balance: &Balance, energies: f64) -> bool {
         let force = norm(balance.instrument);
-        let size = self.peak.max(force).max(self.force_floor);
+        let size = self.peak.max(force);
+        let size = size.max(self.force_floor).max(self.resistance.min(AHEAD * size));
         let rests = energies <= SETTLED_ENERGIES * Health::MOST_KINETIC;
         unbalanced(balance) <= self.settled * size && (rests || force < Health::LOADED * self.peak)
     }
@@ -211,6 +236,14 @@ impl Pace {
         self.boost = LARGEST_BOOST;
         self.pending = 0.0;
     }
+}
+
+/// Cutting force and friction of the first [`FIRST_RADII`] in whatever of the scene resists most, N.
+fn resistance(scene: &Scene) -> f64 {
+    let Some(InstrumentKind::Needle(needle)) = scene.instrument.map(|i| i.kind) else { return 0.0 };
+    let way = FIRST_RADII * needle.capture_radius.get();
+    let of = |region| Resistance::of(scene, region, needle.diameter.get());
+    (0..=scene.regions.len() as u8).map(of).map(|r| r.cutting + way * r.friction).fold(0.0, f64::max)
 }
 
 fn norm(v: [f64; 3]) -> f64 {

@@ -8,6 +8,9 @@ use super::{Halt, Phase, Twin};
 /// Longest stride in radii of the needle, at any rate of poses: the front and the shaft's length are brought up to date between two, and
 /// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
 const STRIDE: f64 = 0.0025;
+/// The same in space: R/2 between layers, and not R/8 as at a membrane of a half plane. With 0.0025 a pose of 5 um takes four steps for nothing
+/// (`docs/lab/friction.md`).
+const STRIDE_IN_SPACE: f64 = 0.01;
 const STRIDES: f64 = 40.0;
 /// Strides for which the most steps of a pose are meant: those of 10 um with the preset's needle. A longer way may pass several membranes.
 pub(super) const STRIDES_OF_A_POSE: u32 = 8;
@@ -18,9 +21,9 @@ const LOOKS: u32 = 512;
 const ADAPT: u32 = 4;
 
 /// Length of a stride of a way, m.
-pub(super) fn stride(radius: f64, length: f64) -> f64 {
-    let shortest = STRIDE * radius;
-    (length / STRIDES).clamp(shortest, 10.0 * shortest)
+pub(super) fn stride(radius: f64, length: f64, in_space: bool) -> f64 {
+    let shortest = if in_space { STRIDE_IN_SPACE } else { STRIDE } * radius;
+    (length / STRIDES).clamp(shortest, 10.0 * STRIDE * radius)
 }
 
 impl Twin {
@@ -93,12 +96,12 @@ impl Twin {
     /// have them; `None` for other instruments.
     #[must_use]
     pub fn needle_forces(&self) -> Option<[f64; 2]> {
-        matches!(self.contact, Some(Contact::Frictional(_))).then(|| self.solver.slip().forces())
+        matches!(self.contact, Some(Contact::Frictional(_))).then(|| self.solver.drag_forces())
     }
 
     /// Work that slip along a needle with friction and at its tip has dissipated since the last reset, J.
     #[must_use]
     pub fn dissipated_j(&self) -> f64 {
-        self.solver.slip().dissipated
+        self.solver.dissipated()
     }
 }

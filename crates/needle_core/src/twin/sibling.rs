@@ -9,7 +9,7 @@ use mtled::solver::{Solver, Surface};
 use super::body::enters_at_once;
 use super::recover::Saved;
 use super::work::Counters;
-use super::{Along, Fixed, Folds, Happened, Pace, Progress, Recovered, Twin, build, regions};
+use super::{Along, Fixed, Folds, Happened, Pace, Progress, Recovered, Twin, assembly, regions};
 
 impl Twin {
     /// An undeformed twin of another scene that differs from this one's in constants of materials, of friction, or of a needle; `None`
@@ -119,7 +119,7 @@ fn rubbing(own: Option<Surface>, other: Option<Surface>) -> Option<Surface> {
 fn fresh(contact: Contact, scene: &Scene, top: f64, solver: &mut Solver) -> Contact {
     let mut contact = match (contact, scene.instrument.as_ref()) {
         (Contact::Needle(path), Some(Instrument { kind: InstrumentKind::Needle(needle), .. })) => {
-            Contact::Needle(Box::new(build::in_tissue(path.with(*needle), scene, top)))
+            Contact::Needle(Box::new(assembly::in_tissue(path.with(*needle), scene, top)))
         }
         (Contact::Frictional(needle), Some(instrument)) => {
             Contact::Frictional(Box::new(needle.in_tissue(scene, instrument, top, |p| regions::at(scene, top, p))))

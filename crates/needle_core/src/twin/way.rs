@@ -8,7 +8,7 @@ use crate::instrument::reading::SPEED_M_PER_S;
 use crate::instrument::{Contact, Tip};
 
 use super::{StampedPose, Twin, pierce};
-use crate::scene::Scene;
+use crate::scene::{Dimension, Scene};
 
 /// Length of a stride over the height of the body; a jump of less than two strides is made at once (but for a needle with friction).
 const STRIDE: f64 = 0.0125;
@@ -91,7 +91,10 @@ impl Twin {
     /// Length of a stride of a way, m, and how many of them are made at once.
     fn stride(&self, length: f64) -> (f64, f64) {
         match &self.contact {
-            Some(Contact::Frictional(n)) => (pierce::stride(n.radius(), length), 1.0),
+            Some(Contact::Frictional(n)) => {
+                let in_space = self.dimension() != Dimension::Axisymmetric;
+                (pierce::stride(n.radius(), length, in_space), 1.0)
+            }
             Some(contact) if contact.shaft().is_some() => (bending_stride(&self.fixed.scene, length), 1.0),
             _ => (STRIDE * self.fixed.height, 2.0),
         }

@@ -32,6 +32,7 @@ mod needle_sideways;
 mod needle_wall;
 mod outline;
 mod own_instrument;
+mod own_law;
 mod regions;
 mod relaxation;
 mod research;

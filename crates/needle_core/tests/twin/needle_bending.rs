@@ -1,5 +1,5 @@
 //! A needle that bends: rod and tissue agree, and a rigid needle is the limit of a stiff one.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_core::scene::{Dimension, Override, Scene};
 use needle_core::twin::{Prediction, StampedPose, Twin};
@@ -128,6 +128,49 @@ fn a_turned_needle_is_drawn_to_another_side() {
     assert!(went_on[1] < then[1], "{then:?} {went_on:?}");
 }
 
+/// The tip of a shaft in friction of t per length stands until the driver has turned by t l (L - l/2) / (G J), l of its length L being in the
+/// tissue, and follows it by that much, either way; a shaft that goes on lets the twist go.
+#[test]
+fn a_turned_tip_lags_behind_its_driver_by_the_twist() {
+    let stiffness = 6e10 * std::f64::consts::PI / 64.0 * 5e-4_f64.powi(4) / 1.3;
+    let torsion = [("instrument.torsional_friction_n", "0.1")];
+    let rubs = [
+        ("instrument.interaction", "frictional"),
+        ("instrument.friction_n_per_m", "10"),
+        ("instrument.cutting_force_n", "0.001"),
+    ];
+    for (needle, per_length) in [(&torsion[..], 0.1), (&rubs, 10.0 * 2.5e-4)] {
+        let mut twin = bent(&[&WIRE, &BEVEL, needle]);
+        let go = |twin: &mut Twin, depth: f64, roll_rad: f64| {
+            let mut pose = twin.pose_at_depth(depth);
+            pose.roll_rad = roll_rad;
+            twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+            twin.bent_tip().unwrap().roll_rad
+        };
+        let depth = 2e-3;
+        (1..=100).for_each(|i| assert!(go(&mut twin, depth * f64::from(i) / 100.0, 0.0) == 0.0));
+        // where the driver is in each of these, and how many of its lags it has turned since it stood last
+        let at = |from: f64, to: f64, i: u32| from + (to - from) * f64::from(i) / 50.0;
+        let lag = 0.8 - (0..=50).map(|i| go(&mut twin, depth, at(0.0, 0.8, i))).last().unwrap();
+        // what the needle has passed of tissue that it drags along
+        let radius = twin.scene().instrument.unwrap().needle().unwrap().capture_radius.get();
+        let inside = twin.cut_depth().map_or(depth, |cut| cut - 0.5 * radius);
+        let twist = per_length * inside * (0.06 - 0.5 * depth) / stiffness;
+        println!("{needle:?}: {lag:.4} rad of {twist:.4}");
+        assert!((lag / twist - 1.0).abs() < 0.05, "{lag} {twist}");
+        let stands = (0..=50).map(|i| go(&mut twin, depth, at(0.8, 0.8 - 1.9 * lag, i))).last().unwrap();
+        assert!((stands - (0.8 - lag)).abs() < 0.1 * lag, "{stands}");
+        let follows = (0..=50).map(|i| go(&mut twin, depth, at(0.8 - 1.9 * lag, -3.0, i))).last().unwrap();
+        assert!((follows - (-3.0 + lag)).abs() < 0.1 * lag, "{follows}");
+        // across half a turn
+        let across =
+            (0..=50).map(|i| go(&mut twin, depth, at(-3.0, -3.4, i).rem_euclid(std::f64::consts::TAU))).last().unwrap();
+        let driver = (-3.4_f64).rem_euclid(std::f64::consts::TAU);
+        assert!((across - (driver + lag)).abs() < 0.1 * lag, "{across} {driver}");
+        assert!((go(&mut twin, depth + 1e-5, driver) - driver).abs() < 1e-12, "it goes on straight");
+    }
+}
+
 #[test]
 fn a_reset_makes_it_straight_and_the_same_poses_the_same_bits() {
     let mut twin = bent(&[&[HALF], &WIRE, &BEVEL]);
@@ -186,5 +229,57 @@ fn what_makes_no_sense_is_refused() {
     ] {
         let error = with(changes);
         assert!(error.contains(says), "{changes:?}: {error}");
+    }
+}
+
+/// A flexible needle in place whose driver goes sideways, against independent finite elements of a beam in a block
+/// (`tests/references/beam_in_block.py`): displacements over the driver's, and force over it.
+#[test]
+fn a_needle_in_a_block_bends_as_finite_elements() {
+    let table = std::fs::read_to_string(testkit::root().join("tests/references/beam_in_block.csv")).unwrap();
+    let (depth, aside, outer, top) = (8e-3, 1e-4, 5e-4_f64, 0.017);
+    for line in table.lines().skip(1) {
+        let numbers: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+        let [stiffness, wanted_tip, wanted_surface, wanted_force] = numbers[..] else { panic!("{line}") };
+        let modulus = (stiffness / (std::f64::consts::PI / 64.0 * outer.powi(4))).to_string();
+        let changes = [
+            HALF,
+            ("instrument.flexible", "true"),
+            ("instrument.length_m", "0.02"),
+            ("instrument.outer_diameter_m", "0.0005"),
+            ("instrument.youngs_modulus_pa", &modulus),
+            // the way in is straight, and hardly moves the tissue
+            ("instrument.deformation_coefficient", "0.01"),
+            ("instrument.retraction_coefficient", "0.01"),
+            ("motion.depth_m", "0.009"),
+        ];
+        let changes = changes.map(|(path, value)| Override::text(path, value, "test"));
+        let mut twin = Twin::new(&Scene::preset("needle_insertion").unwrap().with(&changes).unwrap()).unwrap();
+        let mut time_s = 0.0;
+        let mut go = |depth: f64, x: f64| {
+            time_s += 0.002;
+            let mut pose = twin.pose_at_depth(depth);
+            pose.tip[0] += x;
+            twin.step(StampedPose { time_s, pose }).unwrap().force_n[0]
+        };
+        let mut before = 0.0;
+        (1..=800).for_each(|i| before = go(depth * f64::from(i) / 800.0, 0.0));
+        (1..=100).for_each(|i| _ = go(depth, aside * f64::from(i) / 100.0));
+        // needle and tissue come to rest in turns
+        let force = (0..500).map(|_| go(depth, aside)).last().unwrap();
+        let mut shape = Vec::new();
+        twin.needle_shape(&mut shape);
+        let at = shape.windows(2).find(|pair| pair[1].tip[2] < top).unwrap();
+        let share = (at[0].tip[2] - top) / (at[0].tip[2] - at[1].tip[2]);
+        let surface = at[0].tip[0] + share * (at[1].tip[0] - at[0].tip[0]);
+        let [tip, surface, force] = [tip(&twin)[0] / aside, surface / aside, (before - force) / aside];
+        println!(
+            "EI {stiffness}: tip {tip:.4} of {wanted_tip}, surface {surface:.4} of {wanted_surface}, {force:.3} of {wanted_force} N/m"
+        );
+        assert!(
+            (tip - wanted_tip).abs() < 0.005 && (surface - wanted_surface).abs() < 0.005,
+            "{tip} {surface}: {line}"
+        );
+        assert!((force / wanted_force - 1.0).abs() < 0.015, "{force}: {line}");
     }
 }

@@ -14,7 +14,6 @@
 //! This is the one-standard-error rule of Breiman, Friedman, Olshen and Stone (Classification and Regression Trees,
 //! 1984, 3.4.3). Without forward errors s is 0.
 
-use super::pool::fit_of;
 use super::{Fit, Row};
 
 /// The errors of one candidate over the recordings of a kind.
@@ -54,8 +53,8 @@ pub(super) fn choose(rows: &[&Row]) -> (Vec<(String, Option<f64>)>, String) {
         .flatten()
         .map(|name| Tried {
             name: name.to_owned(),
-            keys: usable.iter().find_map(|row| fit_of(row, name)).map_or(0, |fit| fit.keys.len()),
-            squares: usable.iter().map(|row| error(fit_of(row, name)?).map(|e| e * e)).collect(),
+            keys: usable.iter().find_map(|row| row.fit(name)).map_or(0, |fit| fit.keys.len()),
+            squares: usable.iter().map(|row| error(row.fit(name)?).map(|e| e * e)).collect(),
         })
         .collect();
     let chosen = taken(&tried, forward).or(tried.first()).map(|t| t.name.clone()).unwrap_or_default();

@@ -10,6 +10,7 @@ use super::{Candidate, Entry, Fit, Manifest, Row, Tables};
 use crate::calibrate::{CurveTable, HoldOut, LoadCell, Task, Wanted, calibrate};
 use crate::compare::{self, Cancel, Curve, Keep, Session};
 use needle_core::scene::{Override, Scene, file as scene_file};
+use needle_core::twin::Twin;
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
 
@@ -158,8 +159,12 @@ impl<'a> Job<'a> {
         let looked_at = prepared.table.is_none() || first;
         let session =
             looked_at.then(|| Session::new(scene, "batch", Keep::ANSWERS).map_err(|e| e.to_string())).transpose()?;
+        let untared = |twin: &Twin| compare::scale::untared(twin, readings, measured);
         let mistaken = |session: &Session| {
-            compare::scale::mistaken(session.twin(), readings, measured, recording.scene.as_deref())
+            let twin = session.twin();
+            let found = compare::scale::mistaken(twin, readings, measured, Some(recording));
+            // a fit finds the load cell's zero
+            found.or_else(|| untared(twin).filter(|_| prepared.wanted.is_empty()))
         };
         if let Some(what) = session.as_ref().and_then(mistaken) {
             return Err(what);

@@ -119,6 +119,8 @@ pub struct Entry {
     pub header_line: Option<usize>,
     /// Joint whose position is the depth.
     pub joint: Option<String>,
+    /// Readings of a series that are used at most; all if not given.
+    pub most_readings: Option<usize>,
 }
 
 /// Reading of a load cell without load.
@@ -429,7 +431,8 @@ impl Entry {
             separator,
             decimal_comma,
             header_line,
-            joint
+            joint,
+            most_readings
         )
     }
 
@@ -472,6 +475,7 @@ impl Entry {
                 block: self.block,
                 sheet: self.sheet.clone(),
             },
+            most_readings: self.most_readings,
         }
     }
 

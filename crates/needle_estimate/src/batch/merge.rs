@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use super::pool::{fit_of, pool};
+use super::pool::pool;
 use super::{Fit, Group, Row, Sample, SampleRow};
 use crate::baseline::Against;
 
@@ -72,7 +72,7 @@ impl Merged {
     #[must_use]
     pub fn chosen<'a>(&self, row: &'a Row) -> Option<&'a Fit> {
         let group = self.groups.iter().find(|group| group.name == row.group)?;
-        fit_of(row, &group.candidate)
+        row.fit(&group.candidate)
     }
 
     /// Number of recordings whose chosen model stands so against the best baseline.

@@ -79,11 +79,6 @@ pub struct Group {
     pub within_5_percent: usize,
 }
 
-/// The fit of a row with a candidate.
-pub(super) fn fit_of<'a>(row: &'a Row, candidate: &str) -> Option<&'a Fit> {
-    row.fits.iter().find(|fit| fit.candidate == candidate && fit.failed.is_none())
-}
-
 fn by(rows: &[Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&Row>> {
     let mut all: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
     rows.iter().for_each(|row| all.entry(of(row).clone()).or_default().push(row));
@@ -92,12 +87,12 @@ fn by(rows: &[Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&Row>>
 
 /// Values of a key with their standard errors.
 fn values(rows: &[&Row], candidate: &str, key: &str) -> Vec<(f64, Option<f64>)> {
-    let of = |row: &&Row| fit_of(row, candidate)?.keys.iter().find(|k| k.key == key).map(|k| (k.value, k.noise_error));
+    let of = |row: &&Row| row.fit(candidate)?.keys.iter().find(|k| k.key == key).map(|k| (k.value, k.noise_error));
     rows.iter().filter_map(of).collect()
 }
 
 fn keys(rows: &[&Row], candidate: &str) -> Vec<String> {
-    let first = rows.iter().find_map(|row| fit_of(row, candidate));
+    let first = rows.iter().find_map(|row| row.fit(candidate));
     first.map_or_else(Vec::new, |fit| fit.keys.iter().map(|k| k.key.clone()).collect())
 }
 
@@ -154,7 +149,7 @@ fn together(pooled: Pooled, joint: &[SampleRow], sample: &str, candidate: &str) 
 /// Error of each recording's prediction by the mean of the others.
 fn left_one_out(rows: &[&Row], candidate: &str) -> Vec<(String, f64)> {
     let fits: Vec<(&str, &Fit)> =
-        rows.iter().filter_map(|row| Some((row.name.as_str(), fit_of(row, candidate)?))).collect();
+        rows.iter().filter_map(|row| Some((row.name.as_str(), row.fit(candidate)?))).collect();
     let one = |(i, (name, fit)): (usize, &(&str, &Fit))| {
         let others: Vec<&Fit> = fits.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, f)| f.1).collect();
         let peak = fit.curve.measured_n.iter().map(|f| f.abs()).fold(0.0, f64::max);
@@ -210,7 +205,7 @@ pub(super) fn pool(rows: &[Row], joint: &[SampleRow]) -> (Vec<Group>, Vec<Sample
         });
         let ends: Vec<f64> = of_group
             .iter()
-            .filter_map(|row| fit_of(row, &candidate)?.held_out.as_ref().map(super::HeldOut::end_error))
+            .filter_map(|row| row.fit(&candidate)?.held_out.as_ref().map(super::HeldOut::end_error))
             .filter(|e| e.is_finite())
             .collect();
         groups.push(Group {

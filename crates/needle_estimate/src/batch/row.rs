@@ -110,3 +110,10 @@ pub struct Row {
     /// One per candidate.
     pub fits: Vec<Fit>,
 }
+
+impl Row {
+    /// The fit with a candidate, if it did not fail.
+    pub(super) fn fit(&self, candidate: &str) -> Option<&Fit> {
+        self.fits.iter().find(|fit| fit.candidate == candidate && fit.failed.is_none())
+    }
+}

@@ -14,10 +14,12 @@
 //! (`judgement`).
 
 mod alternatives;
+mod common;
 mod components;
 mod curve_table;
 mod error;
 mod forces;
+mod hold;
 mod joint;
 mod judgement;
 mod markers;
@@ -32,6 +34,7 @@ mod start;
 mod task;
 mod tie;
 mod unknown;
+mod wanted;
 
 use std::ops::Range;
 
@@ -52,12 +55,15 @@ pub use prediction::{Prediction, predict};
 use problem::Recorded;
 use search::{Searched, aligned, search};
 pub use split::{HoldOut, Parts};
-pub use task::{LoadCell, Task, Wanted};
+pub use task::{LoadCell, Task};
 pub(crate) use unknown::SCALE_KEY;
 use unknown::Sought;
+pub use wanted::Wanted;
 
 /// Half-width of a 95% interval, in standard errors.
 pub(crate) const INTERVAL_95: f64 = 1.96;
+/// Share of the way up to which a depth counts as the deepest.
+const NEARLY: f64 = 0.02;
 /// One estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
@@ -170,6 +176,15 @@ impl Calibration {
         self.verdict.explains != crate::compare::Explains::Yes && !self.verdict.too_little
     }
 
+    /// Whether the fitted readings end where the instrument is deepest, without a rest there.
+    fn only_goes_in(&self) -> bool {
+        let depths = self.forces.depth_m.get(self.parts.fitted.clone()).unwrap_or_default();
+        let (low, deep) = depths.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), d| (a.min(*d), b.max(*d)));
+        let nearly = |d: &f64| *d >= deep - NEARLY * (deep - low);
+        let first = depths.iter().position(nearly).unwrap_or(0);
+        depths.last().is_some_and(nearly) && (depths.len() - first) as f64 <= 3.0 * NEARLY * depths.len() as f64
+    }
+
     /// Merges the alignment. Values that were sought come from the search; the others were estimated on the last run.
     fn with_alignment(mut self, seen: Option<Alignment>) -> Self {
         let of = |names: [&str; 2]| {
@@ -240,15 +255,30 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let begun = start::begun(task);
     let task = &Task { scene: begun.as_ref().unwrap_or(task.scene), ..task.clone() };
+    let held = hold::begun(task);
+    let task = &Task { scene: held.as_ref().map_or(task.scene, |held| &held.scene), ..task.clone() };
+    let mut found = found(task, watch, tell)?;
+    held.iter().for_each(|held| held.withhold(&mut found.estimates));
+    Ok(found)
+}
+
+/// Searches, and again without the load cell's drift where it can't be told from a key ([`LoadCell::Auto`]). On a way in alone the
+/// model's error in the curve's bend passes for a drift: one that no load cell has is left out if the model explains the readings so.
+fn found(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> Result<Calibration, CalibrateError> {
     let found = searched(task, watch, tell)?;
     let drifts = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
-    let Some(group) = found.indistinguishable.iter().find(|g| drifts(g)).filter(|_| task.load_cell == LoadCell::Auto)
-    else {
+    let group = found.indistinguishable.iter().find(|g| drifts(g)).cloned();
+    let bent = || found.rejected() && found.estimate(unknown::DRIFT_KEY).is_some() && found.only_goes_in();
+    if task.load_cell != LoadCell::Auto || (group.is_none() && !bent()) {
         return Ok(found);
-    };
+    }
     tell("without the load cell's drift");
     let again = searched(&Task { load_cell: LoadCell::Offset, ..task.clone() }, watch, tell)?;
-    let others: Vec<String> = group.iter().filter(|name| *name != unknown::DRIFT_KEY).cloned().collect();
+    if group.is_none() && again.rejected() {
+        return Ok(Calibration { runs: found.runs + again.runs, ..found });
+    }
+    let all = || found.estimates[..found.keys].iter().map(|e| e.name.clone()).collect();
+    let others: Vec<String> = group.unwrap_or_else(all).into_iter().filter(|name| name != unknown::DRIFT_KEY).collect();
     Ok(Calibration { runs: found.runs + again.runs, drift_left_out_for: others, ..again })
 }
 

@@ -1,6 +1,6 @@
 //! The force along a run: against the instrument's axis, and across it where the load cell measured a vector.
 
-use super::{CalibrateError, Task};
+use super::CalibrateError;
 use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
 use crate::compare::{Answer, Keep, Run, Session, Watch};
@@ -11,8 +11,8 @@ use needle_recording::{ForceSeries, Reading};
 const ANSWERED: f64 = 0.9;
 
 /// Whether enough poses have an answer.
-pub(super) fn answered(run: &Run, task: &Task) -> bool {
-    run.answers.len() as f64 >= ANSWERED * task.readings.len() as f64
+pub(super) fn answered(run: &Run, readings: &[Reading]) -> bool {
+    run.answers.len() as f64 >= ANSWERED * readings.len() as f64
 }
 
 /// Runs a scene over a recording, on its own cloud or on the cloud for other regions.

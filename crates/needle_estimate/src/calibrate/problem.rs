@@ -6,8 +6,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::common::Common;
 use super::paths::path_of;
-use super::runs::Common;
 use super::spikes;
 use super::tie::{PRESSURES, pressures, tied};
 use super::unknown::Sought;
@@ -305,6 +305,14 @@ impl<'a> Recorded<'a> {
 }
 
 impl Recorded<'_> {
+    /// Leaves out the rows whose residuals are outliers, and returns their number.
+    pub(crate) fn leave_out(&mut self, residuals: &[f64]) -> usize {
+        let kept = spikes::without(&self.fitted, residuals);
+        let left = self.fitted.len() - kept.len();
+        self.fitted = kept;
+        left
+    }
+
     /// Predicted - measured at the fitted rows, N.
     fn difference_to_measured(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
         let Some(force) = self.all_predicted(x)? else { return Ok(None) };

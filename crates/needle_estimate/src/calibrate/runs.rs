@@ -12,7 +12,7 @@ use super::paths::{answered, paths_of, run};
 use super::problem::{Kept, Recorded};
 use super::unknown::Sought;
 use crate::compare::Run;
-use needle_core::scene::{Region, Scene};
+use needle_core::scene::Scene;
 use needle_core::twin::Twin;
 use needle_recording::{At, Reading};
 
@@ -23,37 +23,13 @@ const DIFFERENCE: f64 = 0.01;
 const DIFFERENCE_OF_REGIONS: f64 = 0.05;
 /// The same if each value has a cloud of its own: the forces on two clouds differ by up to a per cent.
 const DIFFERENCE_OF_CLOUDS: f64 = 0.1;
+/// The same of a share or a time of relaxation: where a hold is short the two do almost the same, and only the difference between their effects
+/// tells them apart.
+const DIFFERENCE_OF_RELAXATION: f64 = 0.05;
 /// Least number of steps of a pose if a key of a region is sought, over the mean number in contact in the first run.
 const STEADY: f64 = 2.0;
 /// Ratio of a layer's thickness to that of the cloud from which on a new cloud is made.
 const REMADE: f64 = 1.1;
-
-/// What all runs share if a key of a region or its material is sought.
-pub(super) struct Common {
-    of_regions: bool,
-    /// Regions for which the cloud was made; `None`: each run has its own cloud.
-    made_for: Option<Vec<Region>>,
-    /// Least number of steps of a pose in motion; `None`: chosen by the twin.
-    steps: Option<u32>,
-}
-
-impl Common {
-    pub(crate) fn new(scene: &Scene, sought: &[Sought]) -> Self {
-        let of_regions = sought.iter().any(Sought::is_of_regions);
-        let moves = of_regions && Twin::stretch_from(scene, &scene.regions).is_some();
-        Self { of_regions, made_for: moves.then(|| scene.regions.clone()), steps: None }
-    }
-
-    /// The scene as it is run, with the least number of steps raised. Only the first poses, where contact begins with
-    /// an impulse, take more steps than that.
-    pub(crate) fn posed(&self, scene: &Scene) -> Scene {
-        let mut scene = scene.clone();
-        let stepping = &mut scene.stepping;
-        let steps = self.steps.unwrap_or(0).min(stepping.max_steps_per_pose);
-        stepping.min_steps_per_pose = stepping.min_steps_per_pose.max(steps);
-        scene
-    }
-}
 
 impl Recorded<'_> {
     /// The first key for whose values unrelated clouds are made.
@@ -117,7 +93,8 @@ impl Recorded<'_> {
             Err(CalibrateError::Build { .. } | CalibrateError::OutsideTable) => return Ok(None),
             other => other?,
         };
-        let paths = paths_of(&run, &self.across).filter(|_| run.diverged.is_none() && answered(&run, self.task));
+        let paths =
+            paths_of(&run, &self.across).filter(|_| run.diverged.is_none() && answered(&run, self.task.readings));
         Ok(paths.map(|paths| Kept { x: x.to_vec(), paths, regions: run.regions_over_depth() }))
     }
 
@@ -132,6 +109,7 @@ impl Recorded<'_> {
         let share = match self.sought[k].is_of_regions() {
             true if self.common.made_for.is_some() => DIFFERENCE_OF_REGIONS,
             true => DIFFERENCE_OF_CLOUDS,
+            false if self.sought[k].is_of_relaxation() => DIFFERENCE_OF_RELAXATION,
             false => DIFFERENCE,
         };
         // a pressure that is small relative to the others is changed by as much as they are

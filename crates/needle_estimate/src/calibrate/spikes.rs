@@ -1,7 +1,5 @@
 //! Outliers that no model explains.
 
-use super::problem::Recorded;
-
 /// A residual whose size exceeds this multiple of the median size is a spike (for normal noise: six standard
 /// deviations).
 const SPIKE: f64 = 9.0;
@@ -25,25 +23,19 @@ pub(super) fn limit(values: &mut [f64]) {
     values.iter_mut().for_each(|value| *value = value.clamp(-most, most));
 }
 
-impl Recorded<'_> {
-    /// Excludes the rows whose residuals are outliers, and returns their number. A spike of a few readings (a bond
-    /// that releases, a knock) is not part of the model and would bias every value. If many readings are outliers the
-    /// model is wrong, and none is excluded.
-    pub(crate) fn leave_out(&mut self, residuals: &[f64]) -> usize {
-        let components: Vec<&[f64]> = residuals.chunks_exact(self.fitted.len()).collect();
-        let most = |residuals: &&[f64]| {
-            let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
-            sizes.sort_unstable_by(f64::total_cmp);
-            SPIKE * sizes[sizes.len() / 2]
-        };
-        let most: Vec<f64> = components.iter().map(most).collect();
-        let near = |row: &usize| components.iter().zip(&most).all(|(r, most)| r[*row].abs() <= *most);
-        let kept: Vec<usize> = (0..self.fitted.len()).filter(near).map(|row| self.fitted[row]).collect();
-        let left = self.fitted.len() - kept.len();
-        if left as f64 > MOST_LEFT_OUT * self.fitted.len() as f64 {
-            return 0;
-        }
-        self.fitted = kept;
-        left
-    }
+/// The rows that remain of the fitted ones without those whose residuals are outliers. A spike of a few readings (a bond that
+/// releases, a knock) is not part of the model and would bias every value. If many readings are outliers the model is
+/// wrong, and all rows remain.
+pub(super) fn without(fitted: &[usize], residuals: &[f64]) -> Vec<usize> {
+    let components: Vec<&[f64]> = residuals.chunks_exact(fitted.len()).collect();
+    let most = |residuals: &&[f64]| {
+        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        SPIKE * sizes[sizes.len() / 2]
+    };
+    let most: Vec<f64> = components.iter().map(most).collect();
+    let near = |row: &usize| components.iter().zip(&most).all(|(r, most)| r[*row].abs() <= *most);
+    let kept: Vec<usize> = (0..fitted.len()).filter(near).map(|row| fitted[row]).collect();
+    let left = (fitted.len() - kept.len()) as f64;
+    if left > MOST_LEFT_OUT * fitted.len() as f64 { fitted.to_vec() } else { kept }
 }

@@ -61,7 +61,7 @@ impl Recorded<'_> {
         };
         let x: Option<Vec<f64>> = self.sought.iter().map(at).collect();
         let paths = paths_of(first, &self.across);
-        self.kept = x.zip(paths).filter(|_| answered(first, self.task)).map(|(x, paths)| Kept {
+        self.kept = x.zip(paths).filter(|_| answered(first, self.task.readings)).map(|(x, paths)| Kept {
             x,
             paths,
             regions: first.regions_over_depth(),

@@ -73,6 +73,11 @@ impl Sought {
         matches!(self, Self::Key(key) if key == SCALE_KEY)
     }
 
+    /// Whether it is a share or a time of relaxation.
+    pub(crate) fn is_of_relaxation(&self) -> bool {
+        matches!(self, Self::Key(key) if key.contains("prony_"))
+    }
+
     /// Whether it is a key of one of several regions or materials.
     pub(crate) fn is_of_regions(&self) -> bool {
         matches!(self, Self::Key(key) if key.starts_with("regions.") || key.starts_with("materials."))

@@ -28,7 +28,8 @@ use super::path::ForcePath;
 use super::rows::Rows;
 use super::uncertainty::{FORCE_ERROR, Uncertainty};
 use super::{Answer, Run};
-use problem::{LINEAR, Problem, reach_m};
+pub(super) use problem::reach_m;
+use problem::{LINEAR, Problem};
 
 pub use problem::Beside;
 

@@ -113,6 +113,12 @@ impl Run {
         ratio(self.simulated_s, self.wall_s)
     }
 
+    /// Mean number of explicit steps of an answered pose.
+    #[must_use]
+    pub fn steps_per_pose(&self) -> Option<f64> {
+        ratio(self.steps as f64, self.answers.len() as f64)
+    }
+
     /// Mean wall time of one explicit step, microseconds.
     #[must_use]
     pub fn step_us(&self) -> Option<f64> {

@@ -1,6 +1,7 @@
 //! Predicted against measured force: the result of one run of the twin, and its figures of merit.
 
 pub mod alignment;
+mod coarse;
 mod collector;
 pub(crate) mod components;
 pub mod crossing;

@@ -1,6 +1,8 @@
 //! Checks whether a recorded motion is in the sample's frame: the unit and the frame of poses, and the zero of a
 //! depth.
 
+use super::alignment::reach_m;
+use super::coarse::{POSES, coarse};
 use needle_core::twin::{Pose, StampedPose, Twin};
 use needle_recording::{At, ForceSeries, Reading};
 
@@ -11,8 +13,6 @@ const FAR: f64 = 3.0;
 const UNITS: [(&str, f64); 4] = [("mm", 1e-3), ("um", 1e-6), ("cm", 1e-2), ("in", 0.0254)];
 /// Largest share of the reach that the needle may already be inserted at the start.
 const BEGUN: f64 = 0.3;
-/// Number of poses of a coarse run.
-const POSES: u32 = 16;
 /// Number of depths at which a contact is tried.
 const CONTACTS: u32 = 240;
 /// Number of readings used for it.
@@ -21,6 +21,8 @@ const LOOKED_AT: usize = 400;
 const CLEAR: f64 = 10.0;
 /// Largest residual, as a share of that of a curve without a beginning, at which forces clearly begin on the way.
 const KINK: f64 = 0.2;
+/// Least share of the force's rise that is felt at the recorded surface if the contact is far above it.
+const FELT: f64 = 0.1;
 /// Smallest share of the axial force at which a lateral force on a straight insertion is refused: 19 degrees, an error
 /// of 6 % of the force.
 const BESIDE: f64 = 0.35;
@@ -70,11 +72,18 @@ pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
             along.tip[2]
         ));
     }
-    let near = poses.iter().map(|p| offset(p, 1.0)).min_by(|a, b| norm(*a).total_cmp(&norm(*b)))?;
+    let heights = || poses.iter().map(|p| p.tip[2]);
+    let way = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+    let (unit, m) = UNITS.into_iter().find(|(_, m)| way > room && way * m <= room).unwrap_or(("", 1.0));
+    let (and, give) = match unit {
+        "" => (String::new(), String::new()),
+        unit => (format!(", and likely in {unit}"), format!("--position-unit {unit}, and ")),
+    };
+    let near = poses.iter().map(|p| offset(p, m)).min_by(|a, b| norm(*a).total_cmp(&norm(*b)))?;
     let word = if near[2] > 0.0 { "above" } else { "below" };
     Some(format!(
-        "the tip stays {:.2} m beside the sample and {:.2} m {word} its top: its poses are in another frame, as the robot's. Give the sample's \
-         pose in that frame with --sample-pose X,Y,Z,QX,QY,QZ,QW (the centre of the sample's bottom face, z up)",
+        "the tip stays {:.2} m beside the sample and {:.2} m {word} its top: its poses are in another frame, as the robot's{and}. Give {give}the \
+         sample's pose in that frame with --sample-pose X,Y,Z,QX,QY,QZ,QW (the centre of the sample's bottom face, z up)",
         near[0].hypot(near[1]),
         near[2].abs()
     ))
@@ -156,10 +165,12 @@ pub struct Elsewhere {
     pub contact_m: f64,
     /// Whether the recorded depth falls while the instrument goes in.
     pub reversed: bool,
+    /// Whether the recorded depths reach the sample as well, later.
+    pub early: bool,
 }
 
 /// Likely place of first contact, if the recorded depths never reach the sample, or are deeper in it from the first
-/// reading on than they change, but the load cell shows contact on the way.
+/// reading on than they change, or reach it late, but the load cell shows contact on the way.
 #[must_use]
 pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<Elsewhere> {
     let pairs = super::scale::pairs(twin, readings, measured);
@@ -171,11 +182,15 @@ pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> O
     }
     let in_place = twin.scene().motion.is_some_and(|motion| motion.start_depth.get() > 0.0);
     if deep > SURFACE * travel && (shallow < travel || in_place) {
-        return None;
+        return early(twin, &pairs, deep, travel);
     }
     let curve = curve(twin, travel.min(0.9 * twin.reach_m()))?;
     if deep <= SURFACE * travel {
-        return touch(&pairs, &curve).map(|touch| Elsewhere { contact_m: touch.contact_m, reversed: false });
+        return touch(&pairs, &curve).map(|touch| Elsewhere {
+            contact_m: touch.contact_m,
+            reversed: false,
+            early: false,
+        });
     }
     let away: Vec<(f64, f64)> = pairs.iter().map(|(depth, force)| (-depth, *force)).collect();
     let both = [(&pairs, false), (&away, true)].map(|(pairs, reversed)| {
@@ -184,10 +199,34 @@ pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> O
         let kinked = touch.before > SURFACE * travel && touch.left < KINK * touch.left_without;
         kinked.then_some((
             touch.left,
-            Elsewhere { contact_m: if reversed { -touch.contact_m } else { touch.contact_m }, reversed },
+            Elsewhere { contact_m: if reversed { -touch.contact_m } else { touch.contact_m }, reversed, early: false },
         ))
     });
     both.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, found)| found)
+}
+
+/// A contact so far above the recorded surface that no alignment reaches it.
+fn early(twin: &Twin, pairs: &[(f64, f64)], deep: f64, travel: f64) -> Option<Elsewhere> {
+    let way = super::scale::way_in(pairs);
+    let surface = way.iter().position(|p| p.0 > 0.0)?;
+    let (few, last) = ((way.len() / 50).max(5), way.len() - 1);
+    let about = |i: usize| {
+        let around = &way[i.saturating_sub(few)..(i + few).min(way.len())];
+        around.iter().map(|p| p.1).sum::<f64>() / around.len() as f64
+    };
+    let (idle, there) = (about(0), about(surface));
+    let felt = there - idle > FELT * (about(last) - idle) && there - idle > CLEAR * super::scale::noise(pairs);
+    if surface <= 2 * few || !felt {
+        return None;
+    }
+    let found = touch(pairs, &curve(twin, travel.min(0.9 * twin.reach_m()))?)?;
+    let kinked = found.before > SURFACE * travel && found.left < KINK * found.left_without;
+    let reach = reach_m(deep)[0];
+    (kinked && found.contact_m < reach).then_some(Elsewhere {
+        contact_m: found.contact_m,
+        reversed: false,
+        early: true,
+    })
 }
 
 /// A contact on the way in.
@@ -216,32 +255,45 @@ fn touch(pairs: &[(f64, f64)], curve: &[(f64, f64)]) -> Option<Touch> {
     clear.then_some(Touch { contact_m, before: contact_m - shallow, left: rest, left_without })
 }
 
-/// The message about a contact elsewhere. `reading` is the recorded number there, if it is not the depth in m.
+/// The message about a contact elsewhere. `reading` is the recorded number there, if it is not the depth in m; of poses there is none.
 #[must_use]
-pub fn never_touched(found: Elsewhere, reading: Option<f64>) -> String {
-    let Elsewhere { contact_m, reversed } = found;
+pub fn never_touched(found: Elsewhere, by_depth: bool, reading: Option<f64>) -> String {
+    let Elsewhere { contact_m, reversed, early } = found;
     let sign = if reversed { "--position-sign -1 and " } else { "" };
-    let what = reading.map_or_else(
-        || format!("give {sign}the sensor's reading there with --position-zero"),
-        |number| format!("give {sign}--position-zero {number:.6}"),
-    );
+    let (whose, what) = match reading {
+        _ if !by_depth => {
+            let word = if contact_m > 0.0 { "lower" } else { "higher" };
+            let way = 1e3 * contact_m.abs();
+            let what =
+                format!("give the sample's pose in the frame of the poses with --sample-pose, {way:.3} mm {word}");
+            ("the unit or the frame of the poses is another", what)
+        }
+        Some(number) => {
+            ("the displacement sensor's zero is elsewhere", format!("give {sign}--position-zero {number:.6}"))
+        }
+        None => (
+            "the displacement sensor's zero is elsewhere",
+            format!("give {sign}the sensor's reading there with --position-zero"),
+        ),
+    };
     let depths = if reversed {
         "the recorded depths fall while the instrument goes in"
     } else if contact_m > 0.0 {
         "by the recorded depths the instrument is in the sample from the first reading on"
+    } else if early {
+        "by the recorded depths the sample is touched later"
     } else {
         "by the recorded depths the sample is never touched"
     };
     format!(
-        "{depths}, and the load cell feels it from a recorded depth of about {:.3} mm on: the displacement sensor's zero is elsewhere; {what}",
+        "{depths}, and the load cell feels it from a recorded depth of about {:.3} mm on: {whose}; {what}",
         1e3 * contact_m
     )
 }
 
 /// Depths and predicted forces of a coarse insertion, the surface first.
 fn curve(twin: &Twin, depth_m: f64) -> Option<Vec<(f64, f64)>> {
-    let mut double = twin.double();
-    super::scale::limit_steps(&mut double, twin);
+    let mut double = coarse(twin);
     let mut curve = vec![(0.0, 0.0)];
     for k in 1..=POSES {
         let depth = depth_m * f64::from(k) / f64::from(POSES);

@@ -57,13 +57,15 @@ impl Rows {
             ((predicted - measured).is_finite() && a.time_s.is_finite() && a.depth_m.is_finite())
                 .then_some([a.time_s, a.depth_m, predicted, measured])
         };
-        let kept: Vec<[f64; 4]> =
-            run.answers.iter().zip(at_rest).filter(|(_, at_rest)| *at_rest).filter_map(|(a, _)| usable(a)).collect();
-        let column = |k: usize| kept.iter().map(|row| row[k]).collect();
+        let mut columns: [Vec<f64>; 4] = Default::default();
+        for row in run.answers.iter().zip(at_rest).filter(|(_, at_rest)| *at_rest).filter_map(|(a, _)| usable(a)) {
+            columns.iter_mut().zip(row).for_each(|(column, x)| column.push(x));
+        }
+        let [time_s, depth_m, predicted_n, measured_n] = columns;
         Self {
             one_clock: run.one_clock,
             readings: run.force_readings,
-            ..Self::new(column(0), column(1), column(2), column(3))
+            ..Self::new(time_s, depth_m, predicted_n, measured_n)
         }
     }
 
@@ -153,7 +155,11 @@ impl Rows {
             depth_m: of(&self.depth_m),
             predicted_n: of(&self.predicted_n),
             measured_n: of(&self.measured_n),
-            ..self.clone()
+            whole_n: self.whole_n,
+            zero_n: self.zero_n,
+            one_clock: self.one_clock,
+            readings: None,
+            known: self.known,
         };
         let own = self.own_share();
         rows.readings = self.readings.map(|_| (own * rows.len() as f64).round() as usize);

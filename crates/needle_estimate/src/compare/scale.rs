@@ -5,11 +5,12 @@
 //! millimetres. A modulus may be wrong by a factor of ten, a unit by a factor of a thousand. Factors in between are
 //! left to the fit.
 
+use super::coarse::{POSES, coarse};
 use super::placement::{misplaced, never_touched, turned, unreached};
 use super::rows::Rows;
-use needle_core::scene::{Dimension, Preset, Scene};
+use needle_core::scene::{Preset, Scene};
 use needle_core::twin::{StampedPose, Twin};
-use needle_recording::{At, ForceSeries, Reading};
+use needle_recording::{At, ForceSeries, Reading, Recording};
 
 /// Possible units of positions and forces, in m and N, with a penalty (a natural logarithm) for unlikely ones.
 const LENGTHS: [(&str, f64, f64); 4] =
@@ -37,15 +38,20 @@ const TOO_FAR: f64 = 60.0;
 const CLEAR: f64 = 0.5;
 /// Share of the height that the coarse run covers.
 const PROBE: f64 = 0.2;
-/// Poses of the coarse run, and explicit steps of each pose in a half plane and in space.
-const POSES: u32 = 16;
-const STEPS: [u32; 2] = [60, 12];
-/// Poses at its end for the tissue to reach equilibrium.
+/// Poses at the end of the coarse run for the tissue to reach equilibrium.
 const RESTING: u32 = 4;
 /// Fewest readings for the checks.
 const LEAST: usize = 64;
 /// Share of the readings at either end of the range that may be outliers.
 const NONSENSE: f64 = 0.01;
+/// Distance of a count from a whole number by rounding, and way in counts above which numbers may be counts.
+const WHOLE: f64 = 1e-5;
+const MANY_COUNTS: f64 = 100.0;
+/// A load cell whose reading without load is above this share of the tissue's force must be given its zero.
+const UNTARED: f64 = 0.25;
+/// The tissue's force is clear above this multiple of the noise, and the fewest readings that show a zero.
+const CLEAR_LOAD: f64 = 10.0;
+const LEAST_IDLE: usize = 8;
 
 /// Depth and axial force of the readings that have a force, in order of time.
 pub(super) fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Vec<(f64, f64)> {
@@ -60,10 +66,10 @@ pub(super) fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -
     readings.iter().filter_map(axial).filter(|(d, f)| d.is_finite() && f.is_finite()).collect()
 }
 
-/// Reports a mistake in units, signs or scene of a recording with its likely cause; `None` if there is none. `named`
-/// is the scene that the recording claims to be made for.
+/// Reports a mistake in units, signs or scene of a recording with its likely cause; `None` if there is none. `told` is
+/// the recording, for the scene that it was made for and the numbers that its position sensor showed.
 #[must_use]
-pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named: Option<&str>) -> Option<String> {
+pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, told: Option<&Recording>) -> Option<String> {
     let all: Vec<f64> = readings.iter().map(|r| depth(twin, r)).filter(|d| d.is_finite()).collect();
     if all.len() < LEAST {
         return None;
@@ -71,19 +77,59 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named
     if let Some(fault) = misplaced(twin, readings) {
         return Some(fault);
     }
+    let by_depth = readings.iter().all(|r| matches!(r.at, At::Depth(_)));
+    let numbers = Numbers::of(told.filter(|_| by_depth));
     let [shallow, deep] = ends(&all);
-    if let Some(fault) = position_unit(twin, shallow, deep) {
-        return Some(fault);
+    let room = TOO_DEEP * twin.reach_m().max(twin.height_m());
+    if deep - shallow > room {
+        return Some(position_unit(twin, &all, numbers));
     }
+    // a way that fits, far from the sample
+    let away = || (deep.max(-shallow) > room).then(|| elsewhere(twin, shallow, deep));
     let pairs = pairs(twin, readings, measured);
     if pairs.len() < LEAST {
-        return None;
+        return away();
     }
-    let untouched = || unreached(twin, readings, measured).map(|found| never_touched(found, None));
+    let shown = |contact_m: f64| told.map(|_| contact_m / numbers.m + numbers.zero);
+    let untouched =
+        || unreached(twin, readings, measured).map(|found| never_touched(found, by_depth, shown(found.contact_m)));
     let sign = turned(twin, readings, measured)
         .or_else(|| position_sign(&pairs, shallow, deep))
         .or_else(|| force_sign(&pairs));
-    sign.or_else(untouched).or_else(|| size(twin, &pairs, deep, named))
+    let named = told.and_then(|told| told.scene.as_deref());
+    sign.or_else(untouched).or_else(away).or_else(|| size(twin, &pairs, deep, named))
+}
+
+/// Reports a load cell whose reading without load is large beside what the tissue adds: the weight of a tool, or a
+/// zero that was never set. A fit finds it; a comparison as recorded says nothing then.
+#[must_use]
+pub fn untared(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<String> {
+    let of = |r: &Reading| Some((depth(twin, r), measured.at(r.time_s)?));
+    let rows: Vec<(f64, [f64; 3])> = readings.iter().filter_map(of).filter(|(d, _)| d.is_finite()).collect();
+    // half of the way to the first contact: its place is not known well
+    let idle = rows.iter().position(|r| r.0 > 0.0)?.div_ceil(2);
+    if rows.len() < LEAST || idle < LEAST_IDLE {
+        return None;
+    }
+    let zero: [f64; 3] = std::array::from_fn(|k| median(rows[..idle].iter().map(|r| r.1[k])));
+    let without = |f: &[f64; 3]| (0..3).map(|k| (f[k] - zero[k]).powi(2)).sum::<f64>().sqrt();
+    let [_, signal] = ends(&rows.iter().map(|r| without(&r.1)).collect::<Vec<_>>());
+    let noise = median(rows[..idle].iter().map(|r| without(&r.1)));
+    let size = without(&[0.0; 3]);
+    (size > UNTARED * signal && signal > CLEAR_LOAD * noise).then(|| {
+        let [x, y, z] = zero;
+        let shown = if x == 0.0 && y == 0.0 { format!("{z:.4} N") } else { format!("{x:.4},{y:.4},{z:.4} N in the sample's frame") };
+        format!(
+            "before the contact the load cell reads {shown}, and the tissue adds up to {signal:.4} N: the weight of a tool, or a zero that \
+             was not set; give what it reads there, in its own unit and axes, with --force-zero"
+        )
+    })
+}
+
+fn median(of: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = of.collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn depth(twin: &Twin, reading: &Reading) -> f64 {
@@ -101,27 +147,75 @@ fn ends(values: &[f64]) -> [f64; 2] {
     [sorted[off], sorted[sorted.len() - 1 - off]]
 }
 
-fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
-    let largest = deep.max(-shallow);
-    if largest <= TOO_DEEP * twin.reach_m().max(twin.height_m()) {
-        return None;
+/// The numbers that a position sensor showed: (number - zero) m = depth in m.
+#[derive(Clone, Copy)]
+struct Numbers {
+    m: f64,
+    zero: f64,
+}
+
+impl Numbers {
+    fn of(told: Option<&Recording>) -> Self {
+        let [m, zero] = told.map_or([1.0, 0.0], |told| told.position_scale);
+        Self { m, zero }
     }
+
+    /// Whether all are whole, as an encoder counts.
+    fn are_counts(self, depths: &[f64]) -> bool {
+        let off = |d: &f64| {
+            let number = d / self.m + self.zero;
+            (number - number.round()).abs()
+        };
+        depths.iter().all(|d| off(d) < WHOLE)
+    }
+}
+
+/// The likely unit of positions over too long a way.
+fn position_unit(twin: &Twin, depths: &[f64], numbers: Numbers) -> String {
+    let [shallow, deep] = ends(depths);
+    // what lies above the surface takes no room in the sample
+    let way = if deep > 0.0 { deep.min(deep - shallow) } else { deep - shallow } / numbers.m.abs();
     let usual = twin.scene().motion.map_or(0.5 * twin.reach_m(), |m| m.depth.get());
-    let likely = LENGTHS.iter().filter(|(_, m, _)| largest * m <= twin.reach_m());
-    let score = |(_, m, penalty): &(&str, f64, f64)| (largest * m / usual).ln().abs() + penalty;
+    let likely = LENGTHS.iter().filter(|(_, m, _)| way * m <= twin.reach_m());
+    let score = |(_, m, penalty): &(&str, f64, f64)| (way * m / usual).ln().abs() + penalty;
     let likely = likely.min_by(|a, b| score(a).total_cmp(&score(b)));
-    let unit = likely.map_or_else(
-        || "no unit of length makes it fit".to_owned(),
-        |(name, m, _)| {
-            let word = if *name == "inches" { "in" } else { name };
-            format!("the position is likely in {name} (then {:.4} m): give --position-unit {word}", largest * m)
-        },
-    );
-    Some(format!(
-        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, --position-scale if it is counted by an encoder, or \
-         the right scene",
+    let unit = likely.map(|(name, m, _)| {
+        let word = if *name == "inches" { "in" } else { name };
+        (format!("in {name} (then {:.4} m)", way * m), format!("--position-unit {word}"))
+    });
+    let counts = "one count's length, as --position-unit mm --position-scale 0.001 of 1000 counts per mm, and the count at first contact \
+                  with --position-zero";
+    let known = LENGTHS.iter().map(|(_, m, _)| *m).chain([1.0, 1e-9]).any(|m| (numbers.m.abs() / m - 1.0).abs() < 1e-9);
+    let remedy = match unit {
+        _ if !known => "look at --position-scale and --position-unit".to_owned(),
+        Some((what, option)) if numbers.are_counts(depths) && way > MANY_COUNTS => {
+            format!("its numbers are whole, as of an encoder: give {counts}; or they are {what}: give {option}")
+        }
+        None if numbers.are_counts(depths) => format!("its numbers are whole, as of an encoder: give {counts}"),
+        Some((what, option)) => {
+            format!(
+                "the position is likely {what}: give {option}, --position-scale if it is counted by an encoder, or the right scene"
+            )
+        }
+        None => {
+            "no unit of length makes it fit: give --position-scale if it is counted by an encoder, or the right scene"
+                .to_owned()
+        }
+    };
+    format!(
+        "the recorded depth goes over {:.4} m, and the sample is {:.4} m high: {remedy}",
+        deep - shallow,
         twin.height_m()
-    ))
+    )
+}
+
+/// A way that fits the sample, in another place.
+fn elsewhere(twin: &Twin, shallow: f64, deep: f64) -> String {
+    format!(
+        "the recorded depth goes from {shallow:.4} to {deep:.4} m, and the sample is {:.4} m high: the displacement sensor's zero is \
+         elsewhere; give its reading at first contact with --position-zero",
+        twin.height_m()
+    )
 }
 
 /// Correlation of two columns; 0 if one is constant.
@@ -148,7 +242,7 @@ fn position_sign(pairs: &[(f64, f64)], shallow: f64, deep: f64) -> Option<String
     turned.then(|| {
         format!(
             "the force is largest where the recorded depth is least ({:.4} m, above the sample): the sign of the position is likely \
-             turned round: depth is positive into the sample",
+             turned round (--position-sign -1): depth is positive into the sample",
             shallow
         )
     })
@@ -165,21 +259,15 @@ fn force_sign(pairs: &[(f64, f64)]) -> Option<String> {
     let last = way.last()?.1 - zero;
     (way.len() >= LEAST && correlation(way) < -CLEAR && last < 0.0).then(|| {
         format!(
-            "the measured force falls to {last:.4} N while the instrument goes in: the sign of the force is likely turned round: it is \
-             that of the tissue on the instrument, in frame sample, and resists insertion with a positive z"
+            "the measured force falls to {last:.4} N while the instrument goes in: the sign of the force is likely turned round \
+             (--force-sign -1): it is that of the tissue on the instrument, in frame sample, and resists insertion with a positive z"
         )
     })
 }
 
-/// Limits the steps of a twin for a coarse run.
-pub(super) fn limit_steps(double: &mut Twin, of: &Twin) {
-    double.limit_steps(STEPS[usize::from(of.dimension() != Dimension::Axisymmetric)]);
-}
-
 /// Predicted force at the end of a coarse insertion to a depth, N, from the undeformed state.
 fn probe(twin: &Twin, depth_m: f64) -> Option<f64> {
-    let mut double = twin.double();
-    limit_steps(&mut double, twin);
+    let mut double = coarse(twin);
     let mut force = None;
     for k in 1..=POSES + RESTING {
         let depth = depth_m * f64::from(k.min(POSES)) / f64::from(POSES);

@@ -112,6 +112,8 @@ pub struct Verdict {
     pub share_over_depth: Vec<f64>,
     /// Whether there is a measurement, but too little of it under load. The first reason states it.
     pub too_little: bool,
+    /// Whether the recording has a hole, over which no model can be judged.
+    pub has_hole: bool,
 }
 
 impl Verdict {
@@ -123,12 +125,15 @@ impl Verdict {
             return self;
         }
         let named = |reason: String| format!("the force along {component}: {reason}");
-        Self { reasons: other.reasons.into_iter().map(named).collect(), ..other }
+        let turned = "a load cell that is turned against the sample shows this as well: --sensor-rotation W,X,Y,Z";
+        let reasons = other.reasons.into_iter().map(named).chain([turned.to_owned()]).collect();
+        Self { reasons, ..other }
     }
 
     /// Lowers the verdict because of intervals without recorded data, which no model explains.
     pub(crate) fn over_holes(&mut self, holes: &[[f64; 2]]) {
         let Some([from, to]) = holes.first() else { return };
+        self.has_hole = true;
         if self.explains == Explains::Yes {
             self.explains = Explains::InPart;
         }
@@ -143,6 +148,9 @@ impl Verdict {
         let chi = self.reduced_chi_square.map_or_else(String::new, |c| format!(" (reduced chi-square {c:.2})"));
         if self.too_little {
             return "too little was measured to judge the model by".to_owned();
+        }
+        if self.has_hole && self.explains == Explains::InPart {
+            return format!("no verdict on the whole: the recording has a hole{}", chi.replace("(", "(beside it "));
         }
         format!("{}{chi}", self.explains.sentence())
     }
@@ -178,6 +186,7 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
         noise_n: Some(blocks.noise_n),
         share_over_depth: rows.shares(TENTHS),
         too_little: false,
+        has_hole: false,
     };
     if explains != Explains::Yes {
         verdict.reasons.extend(part.map(|part| blocks.explained(&part)));

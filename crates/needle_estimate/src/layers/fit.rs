@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{AIR, Known, LayersError, PIECE, PUSHED, Reading};
+use super::found::{AIR, Known, LayersError, PIECE, PUSHED, Reading};
 
 /// Part of the retraction that is left out, from its lowest force on, in diameters.
 const TURNED: f64 = 0.2;

@@ -1,7 +1,7 @@
 //! Derives cutting and puncture forces from the friction and the first insertion's drops.
 
 use super::fit::{Fit, pieces};
-use super::{Found, Known, Layer, PIECE, Reading};
+use super::found::{Found, Known, Layer, PIECE, Reading};
 
 /// The force rises already before the tip reaches a membrane; only this distance before the rise is used, in
 /// diameters.

@@ -3,7 +3,7 @@
 use chrono::{DateTime, NaiveDate, NaiveTime, Timelike as _};
 
 /// Date formats. If two fit, the one with the smaller span of times is used.
-const DATES: [&str; 14] = [
+const DATES: [&str; 16] = [
     "%Y-%m-%d",
     "%Y/%m/%d",
     "%Y.%m.%d",
@@ -11,8 +11,10 @@ const DATES: [&str; 14] = [
     "%m/%d/%Y",
     "%d/%m/%Y",
     "%d-%m-%Y",
-    "%d-%b-%Y",
-    "%d %b %Y",
+    "%d-%B-%Y",
+    "%d %B %Y",
+    "%B %d %Y",
+    "%B %d, %Y",
     "%Y年%m月%d日",
     "%d.%m.%y",
     "%m/%d/%y",
@@ -50,20 +52,34 @@ impl Clock {
     }
 }
 
-/// Time of day, ns: `10:15:00.5`, `10:15:00,5`, `10:15`, `01:15:00 PM`. `00:01.5` is minutes and seconds.
+/// Time of day, ns: `10:15:00.5`, `10:15:00,5`, `10:15:00:500`, `10:15`, `01:15:00 PM`, `01:15:00 p.m.`. `00:01.5` is minutes and seconds.
+/// A span of pandas may have days before it: `0 days 00:00:01.5`.
 pub(super) fn of_day(text: &str) -> Option<i64> {
-    let text = text.trim();
+    let text = text.trim().trim_matches(['[', ']']);
+    if let Some((days, rest)) = text.split_once(" days ") {
+        return Some(days.parse::<u16>().map(i64::from).ok()? * DAY_NS + of_day(rest)?);
+    }
     if !text.starts_with(|c: char| c.is_ascii_digit()) || !text.contains(':') {
         return None;
     }
-    let text = text.replacen(',', ".", 1);
-    let formats: &[&str] = match (text.ends_with(['M', 'm']), text.matches(':').count(), text.contains('.')) {
-        (true, ..) => &["%I:%M:%S%.f %p", "%I:%M:%S %p", "%I:%M %p"],
-        (false, 1, false) => &["%H:%M"],
-        (false, 1, true) => return NaiveTime::parse_from_str(&format!("00:{text}"), "%H:%M:%S%.f").ok().map(ns),
-        _ => &["%H:%M:%S%.f"],
-    };
-    formats.iter().find_map(|format| NaiveTime::parse_from_str(&text, format).ok()).map(ns)
+    let (clock, mark) = text.split_at(text.find(char::is_alphabetic).unwrap_or(text.len()));
+    let clock = clock.trim_end().replacen(',', ".", 1);
+    if !mark.is_empty() {
+        let mark: String = mark.chars().filter(|c| c.is_alphabetic()).collect();
+        let text = format!("{clock} {mark}");
+        let formats = ["%I:%M:%S%.f %p", "%I:%M %p"];
+        return formats.iter().find_map(|format| NaiveTime::parse_from_str(&text, format).ok()).map(ns);
+    }
+    let parse = |text: &str, format: &str| NaiveTime::parse_from_str(text, format).ok().map(ns);
+    match (clock.matches(':').count(), clock.contains('.')) {
+        (1, false) => parse(&clock, "%H:%M"),
+        (1, true) => parse(&format!("00:{clock}"), "%H:%M:%S%.f"),
+        (3, false) => {
+            let (whole, rest) = clock.rsplit_once(':').filter(|(_, rest)| [3, 6].contains(&rest.len()))?;
+            parse(&format!("{whole}.{rest}"), "%H:%M:%S%.f")
+        }
+        _ => parse(&clock, "%H:%M:%S%.f"),
+    }
 }
 
 fn ns(time: NaiveTime) -> i64 {
@@ -74,34 +90,53 @@ fn ns(time: NaiveTime) -> i64 {
 pub(super) fn date(text: &str, format: &str) -> Option<i64> {
     use chrono::Datelike as _;
     let text = text.trim();
-    if !text.starts_with(|c: char| c.is_ascii_digit()) {
+    if !text.starts_with(|c: char| c.is_ascii_alphanumeric()) {
         return None;
     }
     let day = NaiveDate::parse_from_str(text, format).ok().filter(|day| (1950..2200).contains(&day.year()))?;
     Some((day - NaiveDate::default()).num_days() * DAY_NS)
 }
 
+/// The basic format of ISO 8601, ns since 1970: `20260304T101500.25`, `20260304_101500`, `20260304 101500Z`.
+fn basic(text: &str) -> Option<i64> {
+    let (day, rest) = (text.get(..8)?, text.get(8..)?.strip_prefix(['T', '_', ' ', '-'])?);
+    let is_number = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    let (time, zone) = rest.split_at(rest.find(['Z', '+', '-']).unwrap_or(rest.len()));
+    if !is_number(day) || !time.get(..6).is_some_and(is_number) {
+        return None;
+    }
+    let time = NaiveTime::parse_from_str(&time.replacen(',', ".", 1), "%H%M%S%.f").ok()?;
+    let zone = if zone.is_empty() { "Z" } else { zone };
+    let text = format!("{day}T{time}{zone}");
+    DateTime::parse_from_str(&text, "%Y%m%dT%H:%M:%S%.f%#z").ok()?.timestamp_nanos_opt()
+}
+
 /// Date and time of day in one cell, ns since 1970.
 pub(super) fn date_time(text: &str, format: &str) -> Option<i64> {
-    let text = text.trim();
+    let text = text.trim().trim_matches(['[', ']']);
+    if let Some(time) = basic(text) {
+        return (format == "%Y%m%d").then_some(time);
+    }
+    let text = text.strip_suffix(" UTC").unwrap_or(text);
     if text.ends_with('Z') || text.get(19..).is_some_and(|end| end.contains(['+', '-'])) {
-        let with_zone = DateTime::parse_from_rfc3339(&text.replacen(' ', "T", 1)).ok();
-        return with_zone.and_then(|time| time.timestamp_nanos_opt());
+        let text = text.replacen(' ', "T", 1);
+        return DateTime::parse_from_str(&text, "%Y-%m-%dT%H:%M:%S%.f%#z").ok()?.timestamp_nanos_opt();
     }
     // a date may contain blanks, as `4 Mar 2026`: the time of day begins at the last one before the first colon
     let colon = text.find(':')?;
-    let between = text[..colon].rfind(['T', ' '])?;
-    Some(date(text[..between].trim_end_matches(','), format)? + of_day(&text[between + 1..])?)
+    let between = text[..colon].rfind(['T', ' ']).or_else(|| text[..colon].rfind('-'))?;
+    Some(date(text[..between].trim_end_matches([',', ' ', '-']), format)? + of_day(&text[between + 1..])?)
 }
 
 /// Whether a cell contains a time or a date.
 pub(super) fn is_time(cell: &str) -> bool {
     let cell = cell.trim();
     // a plain number does not count: 20260304 is a date only if a date is expected
-    cell.starts_with(|c: char| c.is_ascii_digit())
+    cell.contains(|c: char| c.is_ascii_digit())
         && cell.len() > 4
         && (of_day(cell).is_some()
-            || DATES[..13].iter().any(|format| date(cell, format).or_else(|| date_time(cell, format)).is_some()))
+            || basic(cell).is_some()
+            || DATES[..15].iter().any(|format| date(cell, format).or_else(|| date_time(cell, format)).is_some()))
 }
 
 /// The format in which all cells can be read; of several, the one with the shortest span.
@@ -134,13 +169,31 @@ mod tests {
             "3/4/2026 10:15:00.250 AM",
             "04.03.26 10:15:00.25",
             "4 Mar 2026 10:15:00.25",
+            "20260304T101500.25",
+            "20260304_101500.250",
+            "20260304 111500,25+0100",
+            "20260304T101500.25Z",
+            "2026-03-04T12:15:00.25+0200",
+            "2026-03-04 10:15:00.25 UTC",
+            "2026-03-04 10:15:00:250",
+            "3/4/2026 10:15:00.250 a.m.",
+            "2026-03-04-10:15:00.25",
+            "04.03.2026 - 10:15:00.25",
+            "[2026-03-04 10:15:00.25]",
+            "Mar 4 2026 10:15:00.25",
+            "March 4, 2026 10:15:00.25",
         ] {
             assert_eq!(at(text), wanted, "{text}");
             assert!(is_time(text), "{text}");
         }
-        assert_eq!(of_day("00:01.5"), Some(1_500_000_000));
-        assert_eq!(of_day("01:00:00 PM"), Some(13 * 3_600_000_000_000));
-        for text in ["OVER", "0.5", "12", "1:2:3:4", "99:00:00", "20260304", "INSERT", "-", ""] {
+        for text in ["00:01.5", "0 days 00:00:01.500000", "[00:00:01.5]", "0:00:01.5"] {
+            assert_eq!(of_day(text), Some(1_500_000_000), "{text}");
+        }
+        for text in ["01:00:00 PM", "1:00 p. m.", "01:00:00pm"] {
+            assert_eq!(of_day(text), Some(13 * 3_600_000_000_000), "{text}");
+        }
+        for text in ["OVER", "0.5", "12", "1:2:3:4", "99:00:00", "20260304", "INSERT", "-", "", "Gel 3: 10:15", "May 4"]
+        {
             assert!(!is_time(text), "{text}");
         }
     }

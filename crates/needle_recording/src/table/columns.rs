@@ -4,6 +4,7 @@ use super::super::unit::Dimension;
 use super::super::{Quantity, Selection};
 use super::clock::{self, Clock};
 use super::names::{self, Words};
+use super::number::{measure, number};
 use super::{TableError, layout::Kind, layout::Layout};
 
 /// A column that is used.
@@ -190,15 +191,23 @@ impl Finder<'_> {
 
     fn column(&self, sought: &Sought, index: usize, said: &Quantity) -> Result<Column, TableError> {
         let name = self.name(index);
-        let header = || sought.dimension.of_header(&name);
+        let in_cells = || {
+            let (_, unit) = self.layout.cells(index).find_map(measure)?;
+            sought.dimension.unit(unit).map(|size| (unit.to_owned(), size))
+        };
+        let header = || sought.dimension.of_header(&name).or_else(in_cells);
         let (unit, size) = match said.unit.as_deref() {
             Some(text) => {
                 let known = || format!("{}-unit {text}: known are {}", sought.option, sought.dimension.names());
                 (text.to_owned(), sought.dimension.unit(text).ok_or_else(|| self.error(known()))?)
             }
             None => header().ok_or_else(|| {
+                let counts = match sought.dimension {
+                    Dimension::Length => ", and of an encoder's counts the length of one with --position-scale",
+                    _ => "",
+                };
                 self.error(format!(
-                    "no unit stands in the header `{name}` of the {}: give it with {}-unit ({})",
+                    "no unit stands in the header `{name}` of the {}: give it with {}-unit ({}){counts}",
                     sought.what,
                     sought.option,
                     sought.dimension.names()
@@ -262,7 +271,7 @@ impl Finder<'_> {
         let Some(index) = place else { return Ok(None) };
         let clock = self.clock(index)?;
         let unit = of_file(&said.time_unit);
-        let quantity = Quantity { unit: unit.clone(), ..Quantity::default() };
+        let quantity = Quantity { unit: unit.clone().or_else(|| self.unit_since_1970(index)), ..Quantity::default() };
         let column = match (&clock, unit.as_deref()) {
             (Clock::Number, _) => self.column(&TIME, index, &quantity)?,
             (Clock::Nanoseconds(_), None | Some("s")) | (_, None) => {
@@ -275,6 +284,19 @@ impl Finder<'_> {
             }
         };
         Ok(Some((column, clock)))
+    }
+
+    /// The unit of times since 1970 of which the header has none: no two of these units fit one time of this century.
+    fn unit_since_1970(&self, index: usize) -> Option<String> {
+        let header = TIME.dimension.of_header(&self.name(index));
+        let cells = || self.layout.cells(index).filter(|cell| !cell.is_empty());
+        let fits = |size: f64| {
+            let is_time = |s: f64| (1e9..5e9).contains(&(s * size));
+            cells().all(|cell| number(cell, self.layout.decimal_comma).is_some_and(is_time))
+        };
+        let units = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+        let found = units.into_iter().find(|(_, size)| header.is_none() && cells().next().is_some() && fits(*size));
+        found.map(|(unit, _)| unit.to_owned())
     }
 
     /// The column `sec` next to one `nanosec`, as in exported bags.

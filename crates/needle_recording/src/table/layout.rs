@@ -10,7 +10,7 @@ use super::super::TableLayout;
 use super::super::unit::is_unit;
 use super::clock::is_time;
 use super::names;
-use super::number::number;
+use super::number::{measure, number};
 
 /// Number of lines in which the beginning of the data is searched.
 pub(super) const LOOKED_AT: usize = 400;
@@ -19,7 +19,7 @@ const ROWS: usize = 3;
 /// Number of rows on which the choice of columns and formats is based.
 const JUDGED: usize = 64;
 /// Separators that are tried; of two that fit equally, the first is used.
-const SEPARATORS: [char; 4] = ['\t', ';', ',', ' '];
+const SEPARATORS: [char; 5] = ['\t', ';', ',', ' ', '|'];
 /// Beginnings of comment lines.
 const COMMENTS: [&str; 3] = ["#", "//", "%"];
 
@@ -39,6 +39,7 @@ impl Kind {
             "" => Self::Empty,
             _ if number(cell, decimal_comma).is_some() => Self::Number,
             _ if is_time(cell) => Self::Time,
+            _ if measure(cell).is_some_and(|(digits, _)| number(digits, decimal_comma).is_some()) => Self::Number,
             _ => Self::Text,
         }
     }
@@ -220,7 +221,7 @@ impl Layout {
         let header_line = said.header_line.unwrap_or(0);
         let kept: Vec<(usize, &str)> = (header_line..lines.len())
             .map(|i| (i, lines[i]))
-            .filter(|(_, line)| !line.trim().is_empty() && !is_comment(line, comment))
+            .filter(|(_, line)| !line.trim().is_empty() && !is_comment(line, comment) && !is_rule(line))
             .collect();
         let separators = said.separator.map_or_else(|| SEPARATORS.to_vec(), |c| vec![c]);
         let decimals = said.decimal_comma.map_or_else(|| vec![false, true], |comma| vec![comma]);
@@ -344,6 +345,7 @@ impl Above<'_> {
         // headers may be in a comment, and comments may be between them and the data
         let kept = |&i: &usize| {
             !self.lines[i].trim().is_empty()
+                && !is_rule(self.lines[i])
                 && (!is_comment(self.lines[i], None) || self.split(i).len() == self.columns)
         };
         let mut above = (0..self.first_row).rev().filter(kept);
@@ -408,6 +410,11 @@ impl LabView {
 /// Headers that contain blanks, separated by two or more blanks.
 fn by_gaps(line: &str) -> Vec<String> {
     line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(str::to_owned).collect()
+}
+
+/// Whether a line is drawn, as below headers.
+fn is_rule(line: &str) -> bool {
+    (line.contains("---") || line.contains("===")) && line.chars().all(|c| "-=+|: ".contains(c))
 }
 
 /// Whether a line is a comment.

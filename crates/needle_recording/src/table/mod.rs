@@ -16,6 +16,7 @@ mod workbook;
 
 use std::path::{Path, PathBuf};
 
+use super::thin::Thin;
 use super::{Selection, TableLayout};
 pub use clock::Clock;
 use columns::Finder;
@@ -25,7 +26,7 @@ use needle_core::twin::Pose;
 use rows::{Taken, Taking};
 use source::Source;
 pub(super) use source::size_of_text;
-pub(super) use survey::{Steps, Survey};
+pub(super) use survey::Survey;
 
 /// Why a table can't be read.
 #[derive(Debug, thiserror::Error)]
@@ -151,6 +152,8 @@ pub struct Table {
     pub(super) forces: Vec<(i64, [f64; 3])>,
     pub(super) poses: Vec<(i64, Pose)>,
     pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
+    /// Which depths, forces, poses and markers are kept.
+    thin: [Thin; 4],
 }
 
 impl Table {
@@ -281,6 +284,7 @@ impl<'a> Blocks<'a> {
             file: self.file.clone(),
             columns,
             survey: self.surveyed.then(Survey::default),
+            thin: [Thin::to(self.said.most_readings); 4],
             ..Table::default()
         })
     }
@@ -322,6 +326,9 @@ impl<'a> Blocks<'a> {
 
     fn whole(&mut self, mut begun: Begun) -> Result<Table, TableError> {
         while self.piece(&mut begun)? {}
+        let Table { thin, file, warnings, .. } = &mut begun.table;
+        warnings.extend(thin.iter().filter_map(|thin| thin.warning(file)));
+        warnings.dedup();
         begun.table.believable().map(|()| begun.table)
     }
 }

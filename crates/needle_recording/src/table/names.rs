@@ -1,4 +1,4 @@
-//! Words for time, position and force in headers: English, German, French, Spanish, Italian, Chinese, Japanese.
+//! Words for time, position and force in headers: English and others of Europe, Chinese, Japanese, Korean.
 
 /// Words for one quantity, in lower case.
 pub(super) struct Words {
@@ -31,6 +31,11 @@ pub(super) const TIME: Words = Words {
         "tiempo",
         "tempo",
         "tijd",
+        "время",
+        "tid",
+        "czas",
+        "čas",
+        "zaman",
     ],
     ends: &["zeit"],
     parts: &["时间", "時間", "时刻", "時刻", "시간"],
@@ -48,6 +53,7 @@ pub(super) const POSITION: Words = Words {
         "insertion",
         "crosshead",
         "lvdt",
+        "encoder",
         "deflection",
         "pos",
         "disp",
@@ -73,13 +79,27 @@ pub(super) const POSITION: Words = Words {
         "pénétration",
         "penetration",
         "desplazamiento",
+        "posición",
+        "profundidad",
+        "recorrido",
+        "carrera",
+        "posizione",
+        "profondità",
+        "posição",
+        "profundidade",
+        "curso",
+        "hub",
         "corsa",
         "spostamento",
         "deslocamento",
         "verplaatsing",
+        "перемещение",
+        "деформация",
+        "глубина",
+        "ход",
     ],
     ends: &["weg", "tiefe"],
-    parts: &["位移", "行程", "变形", "變形", "压缩量", "伸长", "位置", "深度", "変位", "ストローク", "변위"],
+    parts: &["位移", "行程", "变形", "變形", "压缩量", "伸长", "位置", "深度", "変位", "深さ", "ストローク", "변위"],
 };
 pub(super) const FORCE: Words = Words {
     words: &[
@@ -99,6 +119,12 @@ pub(super) const FORCE: Words = Words {
         "carico",
         "força",
         "kracht",
+        "siła",
+        "síla",
+        "kuvvet",
+        "сила",
+        "усилие",
+        "нагрузка",
     ],
     ends: &["kraft"],
     parts: &["力", "载荷", "荷载", "負荷", "负荷", "荷重", "负载", "하중"],
@@ -184,7 +210,18 @@ mod tests {
         for (words, headers) in [
             (
                 &TIME,
-                &["Time (s)", "Test time", "Prüfzeit", "Zeit [s]", "temps (s)", "时间(s)", "X_Value", "t", "Seconds"][..],
+                &[
+                    "Time (s)",
+                    "Test time",
+                    "Prüfzeit",
+                    "Zeit [s]",
+                    "temps (s)",
+                    "时间(s)",
+                    "X_Value",
+                    "t",
+                    "Seconds",
+                    "Время, с",
+                ][..],
             ),
             (
                 &POSITION,
@@ -198,6 +235,7 @@ mod tests {
                     "Position (z), mm",
                     "pos [mm]",
                     "Verformung",
+                    "Перемещение (мм)",
                 ],
             ),
             (
@@ -213,6 +251,7 @@ mod tests {
                     "F [N]",
                     "Fz, gf",
                     "Load / N",
+                    "Нагрузка, Н",
                 ],
             ),
         ] {

@@ -5,7 +5,7 @@ use std::io;
 
 use super::columns::{Column, Columns};
 use super::layout::{self, Kind, Layout, Splitter};
-use super::number::number;
+use super::number::{measure, number};
 use super::text::Text;
 use super::{Clock, Table, TableError, clock};
 use crate::adapter::pose_of;
@@ -62,7 +62,9 @@ impl Cells<'_> {
         if cell.is_empty() {
             return Ok(None);
         }
-        number(cell, self.comma).filter(|x| x.is_finite()).map(|x| Some(column.si(x))).ok_or(())
+        let own_unit = || measure(cell).filter(|(_, unit)| *unit == column.unit);
+        let value = number(cell, self.comma).or_else(|| number(own_unit()?.0, self.comma));
+        value.filter(|x| x.is_finite()).map(|x| Some(column.si(x))).ok_or(())
     }
 
     /// As [`Cells::value`]; NaN if the cell says so: an axis that is not measured.
@@ -300,16 +302,16 @@ impl Table {
     fn add(&mut self, row: Row) {
         let Some(stamp) = row.stamp else { return };
         let Row { depth_m, force_n, pose, markers, .. } = row;
-        let is_some = [depth_m.is_some(), pose.is_some(), force_n.is_some(), markers.is_some()];
-        self.usable |= is_some.contains(&true);
+        self.usable |= depth_m.is_some() || pose.is_some() || force_n.is_some() || markers.is_some();
         if let Some(survey) = &mut self.survey {
-            survey.note(stamp, is_some, force_n);
+            survey.note(stamp, depth_m, pose, force_n, markers);
             return;
         }
-        self.depths.extend(depth_m.map(|depth_m| (stamp, depth_m)));
-        self.forces.extend(force_n.map(|force_n| (stamp, force_n)));
-        self.poses.extend(pose.map(|pose| (stamp, pose)));
-        self.markers.extend(markers.map(|markers| (stamp, markers)));
+        let [depths, forces, poses, seen] = &mut self.thin;
+        depth_m.into_iter().for_each(|depth_m| depths.take(&mut self.depths, (stamp, depth_m)));
+        force_n.into_iter().for_each(|force_n| forces.take(&mut self.forces, (stamp, force_n)));
+        pose.into_iter().for_each(|pose| poses.take(&mut self.poses, (stamp, pose)));
+        markers.into_iter().for_each(|markers| seen.take(&mut self.markers, (stamp, markers)));
     }
 
     /// Rejects a table without a usable row.

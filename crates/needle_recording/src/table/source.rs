@@ -125,24 +125,84 @@ fn refuse_foreign(path: &Path) -> Result<(), TableError> {
     let frame = |imports: &str, frame: &str| {
         format!("python -c \"import {imports}, pandas as p; p.{frame}.to_csv('{file}.csv', index=False)\"")
     };
-    let variables = "DataFrame({k: v.ravel() for k, v in s.loadmat('FILE').items() if k[0] != '_'})";
-    let datasets = "DataFrame({k: v[:].ravel() for k, v in h.File('FILE').items() if isinstance(v, h.Dataset)})";
+    // columns of several lengths beside each other: vectors by their names, matrices, structures, what lies in groups
+    let named = |array: &str, mark: char| {
+        let name = format!("k.split('{mark}')[-1] + str(i or '')");
+        format!("p.DataFrame({array}).rename(columns=lambda i: i if isinstance(i, str) else {name})")
+    };
+    let variables = format!(
+        "concat([{} for k, v in p.json_normalize(s.loadmat('FILE', simplify_cells=True)).iloc[0].items() \
+         if n.size(v) > 1 and k[0] != '_'], axis=1)",
+        named("v", '.')
+    );
+    let datasets = |array: &str| {
+        format!(
+            "concat((lambda c: h.File('FILE').visititems(lambda k, v: c.append({}) if isinstance(v, h.Dataset) and v.size > 1 \
+             else None) or c)([]), axis=1)",
+            named(array, '/')
+        )
+    };
+    // MATLAB stores columns first
+    let (turned, datasets) = (datasets("n.squeeze(v[()]).T"), datasets("n.squeeze(v[()])"));
+    let channels = "DataFrame(t.TdmsFile.read('FILE').as_dataframe()).rename(columns=lambda c: c.split(chr(39))[-2])";
+    let start = start(path);
+    let begins = |with: &[u8]| start.starts_with(with);
     let (what, imports, code) = match extension(path).as_str() {
-        "mat" if starts_with(path, b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h", datasets),
-        "mat" => ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s", variables),
+        "mat" if begins(b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h, numpy as n", turned.as_str()),
+        "mat" => {
+            ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s, numpy as n", variables.as_str())
+        }
         "xlsx" | "xlsm" if cfg!(feature = "xlsx") => return Ok(()),
-        "xlsx" | "xlsm" | "xls" | "xlsb" | "ods" => ("such a spreadsheet", "openpyxl", "read_excel('FILE')"),
-        "h5" | "hdf5" => ("an HDF5 file", "h5py as h", datasets),
-        "tdms" => ("a TDMS file", "nptdms as t", "DataFrame(t.TdmsFile.read('FILE').as_dataframe())"),
+        "xls" => ("such a spreadsheet", "xlrd", "read_excel('FILE')"),
+        "xlsb" => ("such a spreadsheet", "pyxlsb", "read_excel('FILE')"),
+        "ods" => ("such a spreadsheet", "odf", "read_excel('FILE')"),
+        "xlsx" | "xlsm" => ("such a spreadsheet", "openpyxl", "read_excel('FILE')"),
+        "h5" | "hdf5" => ("an HDF5 file", "h5py as h, numpy as n", datasets.as_str()),
+        "tdms" => ("a TDMS file", "nptdms as t", channels),
         "parquet" => ("a Parquet file", "pyarrow", "read_parquet('FILE')"),
+        "pkl" | "pickle" => ("a pickle of Python", "pickle", "DataFrame(p.read_pickle('FILE'))"),
+        "npy" | "npz" => return Ok(()),
+        // under whatever name
+        _ if begins(b"\x89HDF") => ("an HDF5 file", "h5py as h, numpy as n", datasets.as_str()),
+        _ if begins(b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h, numpy as n", turned.as_str()),
+        _ if begins(b"MATLAB 5.0") => {
+            ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s, numpy as n", variables.as_str())
+        }
+        _ if begins(b"TDSm") => ("a TDMS file", "nptdms as t", channels),
+        _ if begins(b"PAR1") => ("a Parquet file", "pyarrow", "read_parquet('FILE')"),
+        _ if begins(b"ARROW1") => ("an Arrow file", "pyarrow", "read_feather('FILE')"),
+        _ if begins(b"PK\x03\x04") => {
+            ("such a spreadsheet under another name than .xlsx", "openpyxl", "read_excel('FILE')")
+        }
+        _ if begins(b"\x1f\x8b") || begins(b"BZh") || begins(b"\xfd7zXZ") || begins(b"\x28\xb5\x2f\xfd") => {
+            let reason = "it is compressed: unpack it (gunzip, bunzip2, unxz, unzstd), and give the table".to_owned();
+            return Err(TableError::Contents { path: path.to_owned(), reason });
+        }
+        _ if is_binary(&start) => {
+            let reason = "it is binary and no text: export it as CSV, or give arrays of NumPy (.npy, .npz)".to_owned();
+            return Err(TableError::Contents { path: path.to_owned(), reason });
+        }
         _ => return Ok(()),
     };
     let how = frame(imports, &code.replace("FILE", &file.to_string()));
     Err(TableError::Foreign { path: path.to_owned(), what, how })
 }
 
-/// Whether a file can be read and begins so.
-fn starts_with(path: &Path, bytes: &[u8]) -> bool {
-    let mut start = vec![0; bytes.len()];
-    fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok() && start == bytes)
+/// The first bytes of a file; none of a pipe, which can be read only once.
+fn start(path: &Path) -> Vec<u8> {
+    let mut start = Vec::new();
+    if fs::metadata(path).is_ok_and(|found| found.is_file())
+        && let Ok(file) = fs::File::open(path)
+    {
+        // what can't be read is said where it is opened
+        let _ = file.take(4096).read_to_end(&mut start);
+    }
+    start
+}
+
+/// Whether bytes are no text in any encoding. Logs of serial lines have control characters, and UTF-16 has zeros.
+fn is_binary(start: &[u8]) -> bool {
+    let control = |b: &u8| matches!(b, 1..=8 | 14..=26);
+    let utf_16 = start.starts_with(&[0xff, 0xfe]) || start.starts_with(&[0xfe, 0xff]);
+    !utf_16 && start.contains(&0) && start.iter().any(control)
 }

@@ -19,6 +19,8 @@ pub(super) struct Text {
     /// What was read and not taken.
     text: String,
     begun: bool,
+    /// Its lines end with a carriage return alone.
+    returns: bool,
     /// The source has ended.
     ended: bool,
 }
@@ -52,7 +54,7 @@ impl Text {
 
     fn new(source: Box<dyn Read>, encoding: &'static Encoding) -> Self {
         let decoder = encoding.new_decoder_without_bom_handling();
-        Self { source, decoder, block: vec![0; BLOCK], text: String::new(), begun: false, ended: false }
+        Self { source, decoder, block: vec![0; BLOCK], text: String::new(), begun: false, returns: false, ended: false }
     }
 
     /// Reads on; the marks that may stand before a text are no part of it.
@@ -64,6 +66,10 @@ impl Text {
         let _ = self.decoder.decode_to_string(&self.block[..length], &mut self.text, self.ended);
         if !std::mem::replace(&mut self.begun, true) {
             self.text = self.text.trim_start_matches('\u{feff}').to_owned();
+            self.returns = self.text.contains('\r') && !self.text.contains('\n');
+        }
+        if self.returns {
+            self.text = self.text.replace('\r', "\n");
         }
         Ok(())
     }
@@ -115,6 +121,18 @@ impl Text {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn carriage_returns_end_lines_where_nothing_else_does() {
+        let whole: String = (0..100_000).map(|i| format!("{i},{}\r", i * 7)).collect();
+        let mut text = Text::of_bytes(whole.clone().into_bytes()).unwrap();
+        let mut all = String::new();
+        while let Some(lines) = text.take().unwrap() {
+            all.push_str(&lines);
+        }
+        assert!(all == whole.replace('\r', "\n"));
+        assert_eq!(Text::of_bytes(b"a\r\nb\r".to_vec()).unwrap().take().unwrap().as_deref(), Some("a\r\n"));
+    }
 
     #[test]
     fn pieces_put_together_are_the_text() {

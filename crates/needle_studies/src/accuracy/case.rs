@@ -13,6 +13,9 @@ const TOLERANCE_AT_REST: &str = "0.003";
 /// Significant digits of a spacing.
 const DIGITS: i32 = 4;
 
+/// Largest number of steps per pose at a scene's own pace: the key's default.
+pub(crate) const MOST_STEPS: u32 = 2000;
+
 /// Explicit steps of one pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Steps {

@@ -17,6 +17,7 @@ Units are SI. Frame `sample`: origin at the centre of the sample's bottom face, 
 - `Ensemble`: many twins in step, with other values of what isn't known for sure; a pose in, a `ForceBand` out.
 - `solve`, `replay`: whole runs; a `Run` has curves, metrics, verdict, and `save` writes the report.
 - `Recording`: bags and tables; `calibrate`: values of scene keys from a recording; `layers`: friction and cutting of layers.
+- `plan`: where a needle has to enter to meet a target that moves with the tissue.
 - `tune`: a scene that is as coarse and fast as a tolerance and a rate of poses ask.
 - `needle_twin.gym`: an environment for controllers (needs gymnasium).
 
@@ -42,6 +43,7 @@ from ._needle_twin import (
     __version__,
     calibrate,
     layers,
+    plan,
     presets,
     replay,
     solve,
@@ -67,6 +69,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "layers",
+    "plan",
     "presets",
     "replay",
     "solve",

@@ -302,6 +302,21 @@ def layers(
     *,
     changes: Mapping[str, Value] | None = None,
 ) -> dict[str, Any]: ...
+def plan(
+    scene: Scene | Path,
+    target: str,
+    *,
+    tilt_rad: Sequence[float] = (),
+    azimuth_rad: Sequence[float] = (),
+    roll_rad: Sequence[float] = (),
+    avoid: Sequence[str] = (),
+    clearance_m: float = 0.0,
+    radius_m: float = 5e-4,
+    tolerance_m: float = 5e-5,
+    members: int = 0,
+    changes: Mapping[str, Value] | None = None,
+    threads: int = 0,
+) -> tuple[Scene, dict[str, Any]]: ...
 def tune(
     scene: Scene | Path,
     *,

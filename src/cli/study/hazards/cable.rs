@@ -101,7 +101,7 @@ impl Cable {
             _ => None,
         };
         let environment = Environment::from_lookup(of_loopback)?;
-        let names = Names::new("cable", &RosArguments::default())?;
+        let names = Names::new("cable", &[])?;
         let mut node = Participant::new(names, &environment, &RosArguments::default())?;
         node.set_mapping(Mapping::of_environment(&environment));
         let mut lines = Lines::new(&mut node, simulated)?;

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use super::super::block::Block;
 use super::super::kernel::{Kernel, Points, Tables};
-use super::super::lane_law::{LaneLaw, NeoHookean, WithVolume};
 use super::super::mixed::Mixed;
-use super::super::points::{AnyShape, Constants};
+use super::super::points::{AnyShape, Constants, LaneLaw, NeoHookean, WithVolume};
 use super::super::strip::FIELDS;
 use super::passes::{Bound, Deform, Laws, Stress, Vectors, components, dimensions};
 use super::projection::Projected;
@@ -14,9 +13,7 @@ use super::table::PointTable;
 use super::transfer::{Load, Store, SumLanes, mirrored};
 use crate::approximation::Form;
 use crate::material::Volumetric;
-use crate::number::lanes::{LANES, Lanes, run};
-use crate::number::vector::run_pass;
-use crate::number::{Number, Real};
+use crate::number::{LANES, Lanes, Number, Real, run, run_pass};
 
 /// What the members of a team have in common: the points of each block.
 #[derive(Debug)]
@@ -85,8 +82,7 @@ impl<T: Real> OfRegion<T> {
         if constants[0].plain::<T>().is_some() {
             return of_each(constants, |c| c.plain().filter(|_| !c.mixed)).map(Self::Plain);
         }
-        let first = std::mem::discriminant(&constants[0].law.distortional);
-        let is_alike = |c: &Constants| !c.mixed && std::mem::discriminant(&c.law.distortional) == first;
+        let is_alike = |c: &Constants| !c.mixed && c.law.distortional.is_like(&constants[0].law.distortional);
         of_each(constants, |c| c.volume().filter(|_| is_alike(c)).map(|volume| WithVolume { shape: c.shape(), volume }))
             .map(Self::Other)
     }

@@ -5,13 +5,10 @@
 
 use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
-use super::super::lane_law::{LaneLaw, WideLaw};
-use super::super::points::Projected;
+use super::super::points::{LaneLaw, Projected, WideLaw};
 use super::super::strip::FIELDS;
 use super::table::PointTable;
-use crate::number::Real;
-use crate::number::lanes::{LANES, Lanes};
-use crate::number::vector::{Pass, Vector};
+use crate::number::{LANES, Lanes, Pass, Real, Vector};
 
 /// Bytes of a line of the cache, and how far ahead gradients are asked for.
 #[cfg(all(target_arch = "x86_64", not(miri)))]

@@ -3,7 +3,8 @@
 use super::super::block::Block;
 use super::super::kernel::{Kernel, Points};
 use super::super::memory::Memory;
-use super::super::points::{Projected, Relaxing};
+use super::super::memory::Relaxing;
+use super::super::points::Projected;
 use crate::approximation::Form;
 use crate::material::neo_hookean::Gradient;
 use crate::number::{LANES, Real};

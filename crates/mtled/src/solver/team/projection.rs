@@ -4,8 +4,7 @@ use super::super::mixed;
 use super::super::points::Constants;
 use super::super::projection::Projection;
 use super::super::strip::FIELDS;
-use crate::number::lanes::{LANES, Lanes, Loop, run};
-use crate::number::{Number, Real};
+use crate::number::{LANES, Lanes, Loop, Number, Real, run};
 
 /// Constants of the members in one region.
 #[derive(Clone, Copy, Debug)]

@@ -4,8 +4,7 @@ use super::super::block::Block;
 use super::passes::Vectors;
 use crate::approximation::Form;
 use crate::mirror::Mirror;
-use crate::number::Real;
-use crate::number::lanes::{LANES, Lanes, Loop};
+use crate::number::{LANES, Lanes, Loop, Real};
 use crate::shares::Shares;
 
 /// Displacements of a block's nodes and images, relative to its first node as in [`Block::deform`].

@@ -80,7 +80,7 @@ mod tests {
     /// Rings at 0, 0.25 and 0.5 mm of five layers.
     fn shaft() -> Shaft {
         let nodes = (0..5).flat_map(|k| (0..3).map(move |i| (3 * k + i, 1e-3 * f64::from(k), 2.5e-4 * f64::from(i))));
-        Shaft::new(nodes.collect(), 1e-3, 5e-4).unwrap()
+        Shaft::new(nodes.collect(), 1e-3, 5e-4, |_| 1.0).unwrap()
     }
 
     #[test]

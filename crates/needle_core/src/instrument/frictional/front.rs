@@ -90,7 +90,7 @@ impl Frictional {
 
     /// The beginning of slip along the whole shaft, seen from the last advance.
     pub(super) fn slip(&mut self, depth_m: f64, solver: &Solver) -> Option<Event> {
-        let [pull, _] = solver.slip().forces();
+        let [pull, _] = solver.drag_forces();
         let p = &mut self.progress;
         let share = if p.friction > 0.0 { pull / p.friction } else { 0.0 };
         let (before, long) = (p.slips, p.shoulder > SHORT * self.shaft.radius);

@@ -55,7 +55,8 @@ impl Frictional {
             let (f, outward) = (solver.internal_force(self.shaft.nodes[i] as usize), self.shaft.outward[i]);
             (f[0] * outward[0] + f[1] * outward[1] + f[2] * outward[2]).max(0.0)
         };
-        self.shaft.wall(layer).map(on).sum::<f64>() / self.shaft.share(layer, f64::INFINITY, |_| 1.0)
+        let sum = self.shaft.wall(layer).map(on).sum::<f64>() / self.shaft.half();
+        sum / self.shaft.share(layer, f64::INFINITY, |_| 1.0)
     }
 
     /// Where the shaft's full section ends when the tip is at a depth of the material, m.
@@ -88,7 +89,7 @@ impl Frictional {
         if let (false, Some(bevel)) = (rigid, &self.bevel) {
             spring = Push::lead(mu * gap);
             let push = bevel.on_layer(layer, passed, gap, self.progress.front - self.progress.tip, tip.roll);
-            let nodes = self.shaft.layer(layer).len() as f64;
+            let nodes = self.shaft.count(self.shaft.layer(layer)) / self.shaft.half();
             off = [0, 1].map(|k| push[k] / (nodes * spring));
             let shift = self.shift(layer, solver);
             self.progress.beside[layer] = [0, 1].map(|k| axis[k] - shift[k]);
@@ -97,25 +98,25 @@ impl Frictional {
         }
         let beside = self.progress.beside[layer];
         let to = [axis[0] - beside[0] + off[0], axis[1] - beside[1] + off[1], 0.0];
-        for &n in &self.shaft.nodes[self.shaft.layer(layer)] {
+        for place in self.shaft.layer(layer) {
+            let n = self.shaft.nodes[place];
             if (before == Grip::Free) != (grip == Grip::Free) {
                 solver.set_role(n as usize, role);
             }
             if grip != Grip::Free {
-                solver.guide(n as usize, to, spring);
+                solver.guide(n as usize, to, self.shaft.share_of(place) * spring);
             }
         }
     }
 
     /// How far a layer's nodes have gone sideways off the needle's line, m, in the mean.
     fn shift(&self, layer: usize, solver: &Solver) -> [f64; 2] {
-        let (axis, nodes) = (self.shaft.axis, &self.shaft.nodes[self.shaft.layer(layer)]);
-        let mut sum = [0.0; 2];
-        for &n in nodes {
-            let u = solver.parameters()[n as usize];
-            (0..2).for_each(|k| sum[k] += u[k] - u[2] / axis[2] * axis[k]);
-        }
-        sum.map(|x| x / nodes.len() as f64)
+        let (axis, places) = (self.shaft.axis, self.shaft.layer(layer));
+        let sum = self.shaft.sum(places.clone(), |place| {
+            let (u, share) = (solver.parameters()[self.shaft.nodes[place] as usize], self.shaft.share_of(place));
+            std::array::from_fn(|k| share * (u[k] - u[2] / axis[2] * axis[k]))
+        });
+        [0, 1].map(|k| sum[k] * self.shaft.half() / self.shaft.count(places.clone()))
     }
 
     /// The needle takes the place of the tissue in the cells above its tip: of those above a layer the share that lies on it and below.

@@ -39,7 +39,7 @@ const STICKING: f64 = 200.0;
 const TIP_STIFFNESS: f64 = 50.0;
 /// Length of the tip over the radius of the shaft.
 const TIP_LENGTH: f64 = 0.5;
-/// Way of the needle on which the tissue behind its tip becomes flat again, over the radius of the shaft.
+/// Way of the needle, or of the tissue past it, on which the tissue behind its tip becomes flat again, over the radius of the shaft.
 const FLATTENING: f64 = 0.06;
 /// How far a ring of the tip may be behind the mean, in radii.
 const LAG: f64 = 1.0;
@@ -142,7 +142,7 @@ impl Frictional {
             roll: 0.0,
             bending: None,
         };
-        let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
+        let effective_radius = (volume / (shaft.half() * std::f64::consts::PI * length)).sqrt();
         Self { shaft, inner, start, slow, effective_radius, bevel: None, progress }
     }
 
@@ -185,11 +185,12 @@ impl Frictional {
         let Some(mut bending) = self.progress.bending.take() else { return *straight };
         let cosine = -self.shaft.axis[2];
         let held = (0..self.shaft.depths.len()).filter(|layer| self.progress.grip[*layer] != Grip::Free).map(|layer| {
-            let (depth, mut force) = (cosine * self.shaft.depths[layer], [0.0; 3]);
-            for &n in &self.shaft.nodes[self.shaft.layer(layer)] {
-                let f = solver.internal_force(n as usize);
-                (0..3).for_each(|k| force[k] -= f[k]);
-            }
+            let depth = cosine * self.shaft.depths[layer];
+            let on_tissue = |place: usize| solver.internal_force(self.shaft.nodes[place] as usize);
+            let force = self.shaft.sum(self.shaft.layer(layer), on_tissue).map(|f| -f);
+            let length = self.shaft.share(layer, self.progress.shoulder, |_| 1.0);
+            let friction = self.shaft.share(layer, self.progress.shoulder, |r| r.friction);
+            let friction = if length > 0.0 { friction / length } else { 0.0 };
             if let Some(bevel) = &self.bevel {
                 let [tip, front, z] = [self.progress.tip, self.progress.front, self.shaft.depths[layer]];
                 let p = bevel.passed(tip, z);
@@ -200,15 +201,17 @@ impl Frictional {
                         depth,
                         force: bevel.on_needle(force, self.shaft.axis, push),
                         shear: 0.0,
+                        length,
+                        friction,
                     };
                 }
             }
             let shear = self.shaft.share(layer, f64::INFINITY, |r| r.shear_modulus);
-            flexible::Held { layer, depth, force, shear }
+            flexible::Held { layer, depth, force, shear, length, friction }
         });
         bending.advance(straight, held);
-        self.progress.roll = straight.roll;
         let tip = bending.tip(straight);
+        self.progress.roll = tip.roll;
         self.progress.bending = Some(bending);
         tip
     }

@@ -2,6 +2,7 @@
 
 use crate::scene::{Interaction, Metres, NamedMaterial, Needle, Region, Scene};
 use mtled::cloud::Axis;
+use mtled::mirror::Mirror;
 
 /// What tissue does to a needle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,6 +77,10 @@ pub struct Shaft {
     pub nodes: Vec<u32>,
     /// Unit vector from the axis to each of them; zero on the axis.
     pub outward: Vec<[f64; 3]>,
+    /// Share of each of them that the model has: a half of one on a plane of symmetry.
+    shares: Vec<f64>,
+    /// That plane.
+    mirror: Option<Mirror>,
     /// Nodes in each ring of each layer; rings are equal steps apart, from the axis to R.
     pub rings: Vec<Vec<usize>>,
     /// Place of each layer's first node, and the number of nodes.
@@ -97,10 +102,14 @@ const SAME: f64 = 0.25;
 
 impl Shaft {
     /// From nodes on the path with their depth below the top along the axis, m, and distance from the axis, m; `None` if they don't lie
-    /// in layers that
-    /// of rings. `spacing`: least distance between layers, m.
+    /// in layers of rings. `spacing`: least distance between layers, m; `share`: of a node, what the model has of it.
     #[must_use]
-    pub(crate) fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
+    pub(crate) fn new(
+        mut nodes: Vec<(u32, f64, f64)>,
+        spacing: f64,
+        radius: f64,
+        share: impl Fn(u32) -> f64,
+    ) -> Option<Self> {
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1));
         let layers: Vec<Vec<(u32, f64, f64)>> = nodes
             .chunk_by(|a, b| b.1 - a.1 < SAME * spacing)
@@ -119,17 +128,57 @@ impl Shaft {
             let step = radius / (sizes.len() - 1) as f64;
             sizes.len() > 1 && layer.iter().zip(ring).all(|(n, i)| (n.2 - i as f64 * step).abs() < SAME * spacing)
         };
-        // as many rings are always of as many nodes
-        let alike = |a: &Vec<usize>| rings.iter().all(|b| a.len() != b.len() || a == b);
-        if layers.len() < 3 || !layers.iter().zip(&rings).all(in_steps) || !rings.iter().all(alike) {
+        // as many rings are always of as many nodes; every other layer is turned, and has others on a plane of symmetry
+        let counts = |layer: &Vec<(u32, f64, f64)>| -> Vec<f64> {
+            layer
+                .chunk_by(|a, b| b.2 - a.2 < SAME * spacing)
+                .map(|ring| ring.iter().map(|n| share(n.0)).sum())
+                .collect()
+        };
+        let counts: Vec<Vec<f64>> = layers.iter().map(counts).collect();
+        let alike = |a: &Vec<f64>| counts.iter().all(|b| a.len() != b.len() || a == b);
+        if layers.len() < 3 || !layers.iter().zip(&rings).all(in_steps) || !counts.iter().all(alike) {
             return None;
         }
         let mut first = vec![0];
         layers.iter().for_each(|layer| first.push(first[first.len() - 1] + layer.len()));
         let depths = layers.iter().map(|l| l[0].1).collect();
-        let nodes = layers.iter().flatten().map(|(n, ..)| *n).collect();
+        let nodes: Vec<u32> = layers.iter().flatten().map(|(n, ..)| *n).collect();
         let (outward, areas, under) = (Vec::new(), Vec::new(), Vec::new());
-        Some(Self { depths, nodes, outward, rings, first, areas, under, radius, axis: [0.0, 0.0, -1.0] })
+        let shares = nodes.iter().map(|&n| share(n)).collect();
+        let (mirror, axis) = (None, [0.0, 0.0, -1.0]);
+        Some(Self { depths, nodes, outward, shares, mirror, rings, first, areas, under, radius, axis })
+    }
+
+    /// The same layers of a body of which the model has the half beside a plane of symmetry, if it has one.
+    #[must_use]
+    pub(crate) fn mirrored(self, mirror: Option<Mirror>) -> Self {
+        Self { mirror, ..self }
+    }
+
+    /// Sum of a vector over places of the whole body.
+    pub(crate) fn sum(&self, places: std::ops::Range<usize>, of: impl Fn(usize) -> [f64; 3]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for place in places {
+            let v = of(place);
+            (0..3).for_each(|k| sum[k] += v[k]);
+        }
+        self.mirror.map_or(sum, |mirror| mirror.within(&sum).map(|x| 2.0 * x))
+    }
+
+    /// Share of the body that the model has.
+    pub(crate) fn half(&self) -> f64 {
+        if self.mirror.is_some() { 0.5 } else { 1.0 }
+    }
+
+    /// Share of a place's node that the model has.
+    pub(crate) fn share_of(&self, place: usize) -> f64 {
+        self.shares[place]
+    }
+
+    /// Nodes of places that the model has.
+    pub(crate) fn count(&self, places: std::ops::Range<usize>) -> f64 {
+        self.shares[places].iter().sum()
     }
 
     /// Along an axis that meets the body's top at a height, m, through nodes at these places, m.
@@ -271,7 +320,7 @@ mod tests {
 
     fn shaft() -> Shaft {
         let nodes = (0..5).flat_map(|k| (0..3).map(move |i| (3 * k + i, 1e-3 * f64::from(k), 2.5e-4 * f64::from(i))));
-        let mut shaft = Shaft::new(nodes.collect(), 1e-3, 5e-4).unwrap();
+        let mut shaft = Shaft::new(nodes.collect(), 1e-3, 5e-4, |_| 1.0).unwrap();
         let tissue = Resistance { friction: 2.0, cutting: 1.0, shear_modulus: 1e3, ..Resistance::default() };
         shaft.under = vec![tissue; 5];
         shaft
@@ -292,7 +341,7 @@ mod tests {
         let depths = [0.0, 6e-5, 1.2e-4, 2.4e-4, 4.9e-4, 7.4e-4];
         let nodes =
             depths.iter().zip(0..).flat_map(|(z, k)| (0..3).map(move |i| (3 * k + i, *z, 2.5e-4 * f64::from(i))));
-        let shaft = Shaft::new(nodes.collect(), 6e-5, 5e-4).unwrap();
+        let shaft = Shaft::new(nodes.collect(), 6e-5, 5e-4, |_| 1.0).unwrap();
         for k in 0..=105 {
             let depth = 7.0e-5 + 5e-6 * f64::from(k);
             let (first, shares) = shaft.spread(depth);
@@ -312,19 +361,19 @@ mod tests {
             (0..=steps).map(move |i| (first + i, z, 5e-4 * f64::from(i) / f64::from(steps)))
         };
         let of = |steps: [u32; 3]| (0..3).flat_map(|k| layer(10 * k, 1e-4 * f64::from(k), steps[k as usize])).collect();
-        let shaft = Shaft::new(of([4, 3, 2]), 1e-4, 5e-4).unwrap();
+        let shaft = Shaft::new(of([4, 3, 2]), 1e-4, 5e-4, |_| 1.0).unwrap();
         assert_eq!(shaft.rings.iter().map(Vec::len).collect::<Vec<_>>(), [5, 4, 3]);
         assert_eq!([shaft.layer(1), shaft.wall(1)], [5..9, 8..9]);
         assert_eq!((shaft.layer_of(4), shaft.layer_of(5), shaft.layer_of(11)), (0, 1, 2));
         let mut uneven: Vec<(u32, f64, f64)> = of([4, 4, 4]);
         uneven[2].2 += 4e-5;
-        assert!(Shaft::new(uneven, 1e-4, 5e-4).is_none());
+        assert!(Shaft::new(uneven, 1e-4, 5e-4, |_| 1.0).is_none());
     }
 
     #[test]
     fn layers_that_differ_are_none() {
         let nodes = vec![(0, 0.0, 0.0), (1, 0.0, 1e-3), (2, 1e-3, 0.0), (3, 2e-3, 0.0), (4, 2e-3, 1e-3)];
-        assert!(Shaft::new(nodes, 1e-3, 1e-3).is_none());
+        assert!(Shaft::new(nodes, 1e-3, 1e-3, |_| 1.0).is_none());
         assert_eq!(shaft().place(1.25e-3), (1, 0.25));
         assert_eq!(shaft().place(2e-3), (2, 0.0));
     }

@@ -158,7 +158,7 @@ impl<'a> Problem<'a> {
 }
 
 /// Range of the contact's shift, m: up to the largest depth.
-pub(super) fn reach_m(deepest_m: f64) -> [f64; 2] {
+pub(in crate::compare) fn reach_m(deepest_m: f64) -> [f64; 2] {
     [-most_m(deepest_m), (WAY * deepest_m).max(most_m(deepest_m))]
 }
 

@@ -1,0 +1,130 @@
+//! Rigs as strangers bring them, live: a load cell of one axis, and a second machine on `/joint_states`.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use crate::ros::{Peer, connected_twin, free_domain};
+use serde_json::{Value, json};
+
+const START: i64 = 1_700_000_000_000_000_000;
+const POSES: i64 = 80;
+
+/// An insertion by 1.6 mm at 20 Hz, answered pose by pose, and the forces.
+fn insertion(peer: &mut Peer, number: i64, topic: &str, cell: impl Fn(usize) -> Option<[Value; 3]>) -> Vec<f64> {
+    let begin = START + 100_000_000_000 * number;
+    let poses: Vec<(i64, f64)> = (0..POSES).map(|i| (begin + 50_000_000 * i, 2e-5 * i as f64)).collect();
+    let wrenches: Vec<Option<[Value; 3]>> = (0..POSES as usize).map(cell).collect();
+    let answer = peer.ask(json!({
+        "op": "steps", "topic": topic, "joint": "insertion", "poses": poses, "answers": "/predicted_cf",
+        "wrench_topic": "/measured_cf", "wrenches": wrenches,
+    }));
+    answer["forces"].as_array().unwrap().iter().map(|f| f.as_f64().expect("answered")).collect()
+}
+
+fn status(peer: &mut Peer) -> Value {
+    peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.4}))["message"].clone()
+}
+
+/// ros2_control fills what a cell with one axis does not measure with NaN (row 11 of issue 59).
+#[test]
+fn a_load_cell_with_nan_along_two_axes_is_compared_along_the_third() {
+    for axis in [2, 0] {
+        let domain = free_domain();
+        let (node, mut peer) = connected_twin(domain, &[]);
+        peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
+        peer.ask(json!({"op": "subscribe", "topic": "/comparison", "type": "needle_twin/msg/ForceComparison"}));
+        let matched = peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cf", "/comparison"]}));
+        assert_eq!(matched["missing"], json!([]));
+        let truth = insertion(&mut peer, 0, "/measured_js", |_| None);
+        let reset = peer.ask(json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"}));
+        assert_eq!(reset["response"]["success"], true);
+        let forces = insertion(&mut peer, 1, "/measured_js", |i| {
+            let mut wrench = [json!("nan"), json!("nan"), json!("nan")];
+            wrench[axis] = json!(truth[i]);
+            Some(wrench)
+        });
+        assert_eq!(forces, truth, "the prediction is the same");
+        let compared = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.4}))["message"].clone();
+        let status = status(&mut peer);
+        println!("axis {axis}: {compared}\n{status}");
+        assert_eq!((&compared["valid"], &compared["load_cell"]), (&json!(true), &json!(0)), "{compared}");
+        assert!(compared["residual_n"].as_f64().unwrap().abs() < 1e-6, "{compared}");
+        assert!(!status["reasons"].to_string().contains("reading"), "{status}");
+        let (code, log, _) = node.stop("INT");
+        assert_eq!(code, Some(0));
+        assert_eq!(log.matches("does not measure along").count(), 1, "said once: {log}");
+    }
+}
+
+/// Another robot's joints on the same topic are no loss, whichever speaks first (row 15 of issue 59).
+#[test]
+fn a_second_publisher_of_joint_states_is_no_loss() {
+    let domain = free_domain();
+    let remapped = ["-r", "measured_js:=/joint_states"];
+    let node = crate::ros::coarse_twin(domain, &remapped, &[]);
+    let (mut rig, mut robot) = (Peer::start(domain), Peer::start(domain));
+    for peer in [&mut rig, &mut robot] {
+        peer.ask(json!({"op": "advertise", "topic": "/joint_states", "type": "sensor_msgs/msg/JointState"}));
+    }
+    for (topic, kind, qos) in [
+        ("/tissue_model", "needle_twin/msg/TissueModel", "latched"),
+        ("/predicted_cf", "geometry_msgs/msg/WrenchStamped", "reliable"),
+        ("/status", "needle_twin/msg/TwinStatus", "reliable"),
+    ] {
+        rig.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
+    }
+    rig.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}));
+    for peer in [&mut rig, &mut robot] {
+        assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/joint_states"]}))["missing"], json!([]));
+    }
+    assert_eq!(rig.ask(json!({"op": "wait_matched", "topics": ["/predicted_cf", "/status"]}))["missing"], json!([]));
+    let mut others = |count: i64, from: i64| {
+        for i in 0..count {
+            let stamp = json!({"sec": (START + from) / 1_000_000_000, "nanosec": 5_000_000 * i});
+            let header = json!({"stamp": stamp, "frame_id": ""});
+            let value = json!({"header": header, "name": ["gripper_left", "gripper_right"], "position": [0.01, 0.02]});
+            robot.ask(json!({"op": "publish", "topic": "/joint_states", "value": value}));
+        }
+    };
+    others(10, 0);
+    let mut forces = Vec::new();
+    for part in 0..4_i64 {
+        // the robot speaks between the needle's poses
+        let number = |i: i64| 20 * part + i;
+        let poses: Vec<(i64, f64)> = (0..20).map(number).map(|i| (START + 50_000_000 * i, 2e-5 * i as f64)).collect();
+        let answer = rig.ask(json!({"op": "steps", "topic": "/joint_states", "joint": "insertion", "poses": poses,
+            "answers": "/predicted_cf"}));
+        forces.extend(answer["forces"].as_array().unwrap().clone());
+        others(50, 1_000_000_000 * (part + 1));
+    }
+    assert!(forces.iter().all(Value::is_number), "{forces:?}");
+    // the needle's driver is silent for longer than the input may be, and goes on
+    std::thread::sleep(std::time::Duration::from_millis(1200));
+    others(50, 5_000_000_000);
+    let poses: Vec<(i64, f64)> = (0..20).map(|i| (START + 6_000_000_000 + 50_000_000 * i, 1.6e-3)).collect();
+    rig.ask(json!({"op": "steps", "topic": "/joint_states", "joint": "insertion", "poses": poses,
+        "answers": "/predicted_cf"}));
+    let status = status(&mut rig);
+    println!("{status}");
+    assert_eq!(status["poses_answered"], 100, "{status}");
+    assert_eq!(status["poses_rejected"], 10, "those before the needle's driver spoke, with the remedy: {status}");
+    assert_eq!((&status["health"], &status["prediction_valid"]), (&json!(0), &json!(true)), "{status}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0));
+    assert_eq!(log.matches("no such joint").count(), 1, "no warning for ever: {log}");
+    assert!(log.contains("name the one whose position is the depth") && !log.contains("two publishers"), "{log}");
+}
+
+/// A stamp with more nanoseconds than a second has is none, as offline (row 16 of issue 59).
+#[test]
+fn a_stamp_that_is_no_time_is_none() {
+    let (node, mut peer) = connected_twin(free_domain(), &[]);
+    let header = json!({"stamp": {"sec": START / 1_000_000_000, "nanosec": 3_000_000_000_u32}, "frame_id": ""});
+    let value = json!({"header": header, "name": ["insertion"], "position": [0.0005]});
+    peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": value}));
+    let answers = peer.ask(json!({"op": "take", "topic": "/predicted_cf", "timeout": 5.0}))["messages"].clone();
+    let stamp = &answers[0]["header"]["stamp"];
+    assert!(stamp["sec"].as_i64().unwrap() > START / 1_000_000_000 + 1_000_000, "the time of arrival: {answers}");
+    assert!(stamp["nanosec"].as_i64().unwrap() < 1_000_000_000, "{answers}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0));
+    assert_eq!(log.matches("has no stamps that are times").count(), 1, "{log}");
+}
