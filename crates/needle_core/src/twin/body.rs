@@ -41,7 +41,7 @@ const AT_MEMBRANE: [f64; 2] = [1.5, PRESSED_PATH_SPACING];
 /// The same where a kinematic needle passes from one region into another, and the largest spacing on the rest of its path: the shear on it jumps with
 /// the modulus there. With that spacing on all of the path it took three times as long, and the force was 1.4 % from finite elements, not 0.9
 /// (`docs/lab/interfaces.md`). Where tissue slips, the shear does not jump.
-const AT_BOUNDARY: [f64; 2] = [1.0, 0.1];
+const AT_BOUNDARY: [f64; 2] = [1.5, 0.12];
 const BETWEEN_BOUNDARIES: f64 = 0.25;
 /// What lies so far under a boundary, over the capture radius, is the region behind it.
 const UNDER_IT: f64 = 1e-3;
