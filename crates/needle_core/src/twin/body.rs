@@ -35,13 +35,12 @@ const WALL_GROWTH: f64 = 0.15;
 /// Largest spacing along the path of a needle that presses before it enters in a half plane, over the capture radius: of one with a wall, and
 /// of one with friction at the membranes that it has to pierce. The edge of its tip is sharp as well.
 const PRESSED_PATH_SPACING: f64 = 0.125;
-/// Where a needle with friction pierces a membrane in a half plane: distance from the axis to which the cloud is finer, and spacing there, over
-/// the capture radius.
-const AT_MEMBRANE: [f64; 2] = [1.5, PRESSED_PATH_SPACING];
-/// The same where a kinematic needle passes from one region into another, and the largest spacing on the rest of its path: the shear on it jumps with
-/// the modulus there. With that spacing on all of the path it took three times as long, and the force was 1.4 % from finite elements, not 0.9
-/// (`docs/lab/interfaces.md`). Where tissue slips, the shear does not jump.
-const AT_BOUNDARY: [f64; 2] = [1.5, 0.12];
+/// Where a needle in a half plane pierces a membrane, and where one that holds the tissue passes from one region into another: the shear on it
+/// jumps with the modulus there, and does not where tissue slips. Distance from the axis to which the cloud is finer, and spacing there, over the
+/// capture radius.
+const AT_BOUNDARY: [f64; 2] = [1.5, PRESSED_PATH_SPACING];
+/// Largest spacing on the rest of the path of one that holds the tissue. With the spacing of a boundary on all of it a pose took three times as
+/// long, and the force was no better (`docs/lab/interfaces.md`).
 const BETWEEN_BOUNDARIES: f64 = 0.25;
 /// What lies so far under a boundary, over the capture radius, is the region behind it.
 const UNDER_IT: f64 = 1e-3;
@@ -254,7 +253,7 @@ impl Layout {
             let pierced = || Resistance::of(scene, regions::at(scene, height, below), 2.0 * radius).puncture > 0.0;
             if slips { pierced() } else { !scene.regions.is_empty() }
         };
-        let [reach, spacing] = if slips { AT_MEMBRANE } else { AT_BOUNDARY };
+        let [reach, spacing] = AT_BOUNDARY;
         let fine = |depth| Feature::FinePath {
             axis,
             depths: [depth; 2],
