@@ -45,8 +45,10 @@ impl Way {
     }
 
     /// The same way in strides of a length, m.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     pub(crate) fn in_strides(self, stride_m: f64) -> Self {
-        let strides = if stride_m > 0.0 { count(self.length, stride_m) } else { 0 };
+        // the rest of a way that was cut into these is a whole number of them but for round-off
+        let strides = if stride_m > 0.0 { (self.length / stride_m - 1e-6).ceil().max(0.0) as u32 } else { 0 };
         Self { strides, ..self }
     }
 
@@ -64,13 +66,6 @@ impl Way {
     }
 }
 
-/// How many strides a way takes. Those of poses at an even distance are a whole number but for round-off: with one more now and then a needle with
-/// friction took a tenth more steps.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
-fn count(length: f64, stride: f64) -> u32 {
-    (length / stride - 1e-6).ceil().max(0.0) as u32
-}
-
 /// Length of a stride of a needle that bends, m: rod and tissue find each other once in each.
 fn bending_stride(scene: &Scene, length: f64) -> f64 {
     let radius = 0.5 * scene.instrument.and_then(|i| i.needle_diameter_m()).unwrap_or(0.0);
@@ -79,6 +74,7 @@ fn bending_stride(scene: &Scene, length: f64) -> f64 {
 
 impl Twin {
     /// The way from the last pose.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     pub(super) fn way(&self, to: &Tip) -> Way {
         let surface = to.axis_at(0.0);
         let (above, leaves) = (self.progress.tip[2] > 0.0, to.offset[2] > 0.0);
@@ -88,7 +84,7 @@ impl Twin {
         let length = if above && leaves { 0.0 } else { length };
         let (stride, once) = self.stride(length);
         let stride = self.care() * stride;
-        let strides = if length > once * stride { count(length, stride) } else { 0 };
+        let strides = if length > once * stride { (length / stride).ceil() as u32 } else { 0 };
         Way { ends: [from, end], enters: above, to: *to, length, strides }
     }
 
