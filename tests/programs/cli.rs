@@ -32,9 +32,11 @@ fn needle_twin() -> Command {
 fn stdout(arguments: &[&str]) -> String {
     let output = needle_twin().args(arguments).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
-    assert!(said.lines().all(|line| line.contains("does not hold")), "no diagnostics without a terminal: {said}");
+    // on a busy machine a long run says how far it is
+    let said: Vec<&str> = said.lines().filter(|line| !line.contains(" poses, ")).collect();
+    assert!(said.iter().all(|line| line.contains("does not hold")), "no diagnostics without a terminal: {said:?}");
     let code = if said.is_empty() { 0 } else { 3 };
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said:?}");
     String::from_utf8(output.stdout).unwrap()
 }
 
