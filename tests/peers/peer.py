@@ -95,15 +95,16 @@ class Peer:
         writer.write(ros_types.from_dict(cls, value))
         return {}
 
-    def steps(self, topic, joint, poses, answers, wrench_topic=None, wrenches=None, timeout=3.0):
+    def steps(self, topic, joint, poses, answers, wrench_topic=None, wrenches=None, timeout=3.0, ahead=0):
         """Poses [nanos, depth_m] one after the other, each answered before the next. The force along z that answers
-        each, None where none came in time; a wrench [x, y, z] (NaN as text) or null goes out before each pose."""
+        each, None where none came in time; a wrench [x, y, z] (NaN as text) or null goes out before each pose, with a stamp
+        that is `ahead` ns later."""
         writer, cls = self.writers[topic]
         forces = []
         for i, (nanos, depth) in enumerate(poses):
             if wrenches and wrenches[i]:
                 x, y, z = map(float, wrenches[i])
-                self.publish(wrench_topic, {"header": {"stamp": stamp(nanos), "frame_id": "sample"},
+                self.publish(wrench_topic, {"header": {"stamp": stamp(nanos + ahead), "frame_id": "sample"},
                                             "wrench": {"force": {"x": x, "y": y, "z": z}}})
             writer.write(ros_types.from_dict(
                 cls, {"header": {"stamp": stamp(nanos), "frame_id": ""}, "name": [joint], "position": [float(depth)]}))

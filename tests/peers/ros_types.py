@@ -26,6 +26,7 @@ TEXTS = {
     "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/PointStamped": "std_msgs/Header header\nPoint point",
     "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
     "geometry_msgs/Pose": "Point position\nQuaternion orientation",
     "geometry_msgs/PoseStamped": "std_msgs/Header header\nPose pose",

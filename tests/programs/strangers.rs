@@ -67,6 +67,22 @@ const TABLES: &[Case] = &[
     case(2, "import @/two_columns.csv --rate-hz 10", 3, &["line 3", "OVER", "depth  40", "force  39"]),
     case(2, "import @/last_word.csv", 3, &["line 41", "OVER", "depth  40", "force  39"]),
     case(
+        2,
+        "import @/killed.csv",
+        3,
+        &["1 messages left out", "line 41: 3.9 | 0.7 (cut off before column 3)", "depth  39", "force  39"],
+    ),
+    case(2, "import @/killed_behind_separator.csv", 3, &["line 41", "(cut off before column 3)", "depth  39"]),
+    case(
+        2,
+        "import @/short_in_the_middle.csv",
+        3,
+        &["line 22: 2.0 (cut off before column 2)", "depth  39", "force  39"],
+    ),
+    case(2, "import @/force_at_half_rate.csv", 0, &["depth  40", "force  20"]),
+    case(2, "import @/force_at_half_rate_without_separators.csv", 0, &["depth  40", "force  20"]),
+    case(2, "import @/comment_in_some_rows.csv", 0, FORTY),
+    case(
         3,
         "import tables/state_column.csv --force-column Laod",
         1,
@@ -470,6 +486,16 @@ fn make(folder: &Path) {
     write("stamps.csv", format!("header.stamp.sec,header.stamp.nanosec,name,depth_mm,force_n\n{stamps}").as_bytes());
     write("word_in_row_1.csv", format!("{head}{}", over(0)).as_bytes());
     write("last_word.csv", format!("{head}{}", over(39)).as_bytes());
+    let killed = plain.trim_end_matches("8,0.0039\n");
+    write("killed.csv", format!("{head}{killed}").as_bytes());
+    write("killed_behind_separator.csv", format!("{head}{killed}8,").as_bytes());
+    write("short_in_the_middle.csv", format!("{head}{}", plain.replace("2.0,0.40,0.0020", "2.0")).as_bytes());
+    let half =
+        rows(&|i, t, d, f| format!("{t:.1},{d:.2},{}\n", if i % 2 == 0 { String::new() } else { f.to_string() }));
+    write("force_at_half_rate.csv", format!("{head}{half}").as_bytes());
+    write("force_at_half_rate_without_separators.csv", format!("{head}{}", half.replace(",\n", "\n")).as_bytes());
+    let comments = plain.replace("0.0020\n", "0.0020,now\n");
+    write("comment_in_some_rows.csv", format!("Time (s),Depth (mm),Load (N),Comment\n{comments}").as_bytes());
     let two: String = over(1).lines().map(|line| line.split_once(',').unwrap().1.to_owned() + "\n").collect();
     write("two_columns.csv", format!("Depth (mm),Load (N)\n{two}").as_bytes());
     let twice = rows(&|_, t, d, f| format!("{t:.1},{d:.2},7,{f:.4}\n"));

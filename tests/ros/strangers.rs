@@ -9,12 +9,23 @@ const POSES: i64 = 80;
 
 /// An insertion by 1.6 mm at 20 Hz, answered pose by pose, and the forces.
 fn insertion(peer: &mut Peer, number: i64, topic: &str, cell: impl Fn(usize) -> Option<[Value; 3]>) -> Vec<f64> {
+    insertion_with(peer, number, topic, 0, cell)
+}
+
+/// The same with a load cell whose stamps are so many ns ahead.
+fn insertion_with(
+    peer: &mut Peer,
+    number: i64,
+    topic: &str,
+    ahead: i64,
+    cell: impl Fn(usize) -> Option<[Value; 3]>,
+) -> Vec<f64> {
     let begin = START + 100_000_000_000 * number;
     let poses: Vec<(i64, f64)> = (0..POSES).map(|i| (begin + 50_000_000 * i, 2e-5 * i as f64)).collect();
     let wrenches: Vec<Option<[Value; 3]>> = (0..POSES as usize).map(cell).collect();
     let answer = peer.ask(json!({
         "op": "steps", "topic": topic, "joint": "insertion", "poses": poses, "answers": "/predicted_cf",
-        "wrench_topic": "/measured_cf", "wrenches": wrenches,
+        "wrench_topic": "/measured_cf", "wrenches": wrenches, "ahead": ahead,
     }));
     answer["forces"].as_array().unwrap().iter().map(|f| f.as_f64().expect("answered")).collect()
 }
@@ -29,10 +40,7 @@ fn a_load_cell_with_nan_along_two_axes_is_compared_along_the_third() {
     for axis in [2, 0] {
         let domain = free_domain();
         let (node, mut peer) = connected_twin(domain, &[]);
-        peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
-        peer.ask(json!({"op": "subscribe", "topic": "/comparison", "type": "needle_twin/msg/ForceComparison"}));
-        let matched = peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cf", "/comparison"]}));
-        assert_eq!(matched["missing"], json!([]));
+        with_cell(&mut peer, "geometry_msgs/msg/WrenchStamped");
         let truth = insertion(&mut peer, 0, "/measured_js", |_| None);
         let reset = peer.ask(json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"}));
         assert_eq!(reset["response"]["success"], true);
@@ -127,4 +135,106 @@ fn a_stamp_that_is_no_time_is_none() {
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(0));
     assert_eq!(log.matches("has no stamps that are times").count(), 1, "{log}");
+}
+
+/// `measured_cf` of a type, and the subscription to the comparison.
+fn with_cell(peer: &mut Peer, kind: &str) {
+    peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": kind}));
+    peer.ask(json!({"op": "subscribe", "topic": "/comparison", "type": "needle_twin/msg/ForceComparison"}));
+    let matched = peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cf", "/comparison"]}));
+    assert_eq!(matched["missing"], json!([]));
+}
+
+/// Older CRTK speaks TransformStamped, stages PointStamped (row 16 of issue 59); offline both are read.
+#[test]
+fn poses_of_other_types_are_answered_as_depths_are() {
+    const HEIGHT_M: f64 = 0.017;
+    let down = json!({"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0});
+    let (node, mut peer) = connected_twin(free_domain(), &[]);
+    let truth = insertion(&mut peer, 0, "/measured_js", |_| None);
+    assert_eq!(node.stop("INT").0, Some(0));
+    for kind in ["TransformStamped", "PointStamped", "PoseWithCovarianceStamped"] {
+        let full = format!("geometry_msgs/msg/{kind}");
+        let (node, mut peer) = connected_twin(free_domain(), &["-p", &format!("measured_cp_type:={full}")]);
+        peer.ask(json!({"op": "advertise", "topic": "/measured_cp", "type": full}));
+        assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cp"]}))["missing"], json!([]));
+        for (i, wanted) in (0..).zip(&truth).take(40) {
+            let nanos = 50_000_000 * i;
+            let stamp = json!({"sec": START / 1_000_000_000 + nanos / 1_000_000_000, "nanosec": nanos % 1_000_000_000});
+            let place = json!({"x": 0.0, "y": 0.0, "z": HEIGHT_M - 2e-5 * i as f64});
+            let mut value = json!({"header": {"stamp": stamp, "frame_id": "sample"}});
+            match kind {
+                "TransformStamped" => value["transform"] = json!({"translation": place, "rotation": down}),
+                "PointStamped" => value["point"] = place,
+                _ => value["pose"] = json!({"pose": {"position": place, "orientation": down}}),
+            }
+            peer.ask(json!({"op": "publish", "topic": "/measured_cp", "value": value}));
+            let answer = peer.ask(json!({"op": "take", "topic": "/predicted_cf", "timeout": 5.0}))["messages"].clone();
+            let force = answer[0]["wrench"]["force"]["z"].as_f64().expect("answered");
+            assert!((force - wanted).abs() < 1e-6, "{kind}, pose {i}: {force} N, of the depth {wanted} N");
+        }
+        let (code, log, _) = node.stop("INT");
+        assert_eq!((code, log.matches("refused").count()), (Some(0), 0), "{log}");
+    }
+    // a type that is not named is said, with the parameter that names it
+    let (node, mut peer) = connected_twin(free_domain(), &[]);
+    peer.ask(json!({"op": "advertise", "topic": "/measured_cp", "type": "geometry_msgs/msg/TransformStamped"}));
+    status(&mut peer);
+    status(&mut peer);
+    let (_, log, _) = node.stop("INT");
+    assert!(log.contains("geometry_msgs/msg/TransformStamped") && log.contains("-p measured_cp_type:="), "{log}");
+}
+
+/// A Wrench without a stamp has the time of its arrival (row 16 of issue 59).
+#[test]
+fn a_wrench_without_a_stamp_is_compared() {
+    let kind = "geometry_msgs/msg/Wrench";
+    let (node, mut peer) = connected_twin(free_domain(), &["-p", &format!("measured_cf_type:={kind}")]);
+    with_cell(&mut peer, kind);
+    let wrench = json!({"force": {"x": 0.0, "y": 0.0, "z": 0.05}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}});
+    for i in 0..40 {
+        peer.ask(json!({"op": "publish", "topic": "/measured_cf", "value": wrench}));
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
+        let pose = crate::ros::joint_state(now.as_secs() as i64, now.subsec_nanos().into(), 2e-5 * f64::from(i));
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": pose}));
+        peer.ask(json!({"op": "take", "topic": "/predicted_cf", "timeout": 5.0}));
+    }
+    let compared = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.6}))["message"].clone();
+    assert_eq!((&compared["valid"], &compared["measured_n"]), (&json!(true), &json!(0.05)), "{compared}");
+    assert_eq!(node.stop("INT").0, Some(0));
+}
+
+/// A load cell on another time base, as TAI: the offset is found, and the option takes it off (row 12 of issue 59).
+#[test]
+fn a_load_cell_on_another_clock_is_said_with_its_offset_and_compared_without_it() {
+    for (more, is_compared) in [(&[][..], false), (&["-p", "time_offset_s:=37.0"][..], true)] {
+        let (node, mut peer) = connected_twin(free_domain(), more);
+        with_cell(&mut peer, "geometry_msgs/msg/WrenchStamped");
+        let cell = |i: usize| Some([json!(0.0), json!(0.0), json!(0.05 + 1e-3 * i as f64)]);
+        insertion_with(&mut peer, 0, "/measured_js", 37_000_000_000, cell);
+        let compared = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.4}))["message"].clone();
+        let status = status(&mut peer);
+        assert_eq!(compared["valid"], json!(is_compared), "{compared}");
+        let reasons = status["reasons"].to_string();
+        assert_eq!(!is_compared, reasons.contains("ahead of those of the poses"), "{reasons}");
+        assert!(is_compared || reasons.contains("-p time_offset_s:=37.0"), "{reasons}");
+        assert_eq!(node.stop("INT").0, Some(0));
+    }
+}
+
+/// Poses in mm are refused, and the unit is named (row 17 of issue 59).
+#[test]
+fn poses_in_millimetres_are_said() {
+    let (node, mut peer) = connected_twin(free_domain(), &[]);
+    peer.ask(json!({"op": "advertise", "topic": "/measured_cp", "type": "geometry_msgs/msg/PoseStamped"}));
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cp"]}))["missing"], json!([]));
+    for i in 0..10 {
+        let stamp = json!({"sec": START / 1_000_000_000, "nanosec": 50_000_000 * i});
+        let place = json!({"position": {"x": 0.0, "y": 0.0, "z": 30.0}, "orientation": {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}});
+        let value = json!({"header": {"stamp": stamp, "frame_id": "sample"}, "pose": place});
+        peer.ask(json!({"op": "publish", "topic": "/measured_cp", "value": value}));
+    }
+    assert_eq!(status(&mut peer)["poses_rejected"], 10);
+    let (_, log, _) = node.stop("INT");
+    assert!(log.contains("away from where the instrument meets the sample") && log.contains("in mm"), "{log}");
 }

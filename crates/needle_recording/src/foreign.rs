@@ -133,30 +133,65 @@ fn find(
 }
 
 /// Types of a topic that contain the tip's pose.
-pub(super) const POSES: [&str; 4] =
+pub const POSES: [&str; 4] =
     [PoseStamped::TYPE, TransformStamped::TYPE, PoseWithCovarianceStamped::TYPE, PointStamped::TYPE];
 /// Types of a topic that contain a force with three components.
-pub(super) const WRENCHES: [&str; 2] = [WrenchStamped::TYPE, Wrench::TYPE];
+pub const WRENCHES: [&str; 2] = [WrenchStamped::TYPE, Wrench::TYPE];
 /// Orientation of an instrument that points straight down: a rotation by 180 degrees about x.
 const DOWN: Quaternion = Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };
 
-/// The tip's pose from a message of one of [`POSES`]. For a point, the instrument points straight down.
+/// A message that holds the tip's pose or a wrench, live or recorded.
+pub trait Holds<T>: RosMessage + 'static {
+    /// The pose or wrench with stamp and frame, as far as the message has them.
+    fn held(self) -> T;
+}
+
+impl Holds<Self> for PoseStamped {
+    fn held(self) -> Self {
+        self
+    }
+}
+
+impl Holds<PoseStamped> for TransformStamped {
+    fn held(self) -> PoseStamped {
+        let position = <[f64; 3]>::from(self.transform.translation).into();
+        PoseStamped { header: self.header, pose: Pose { position, orientation: self.transform.rotation } }
+    }
+}
+
+impl Holds<PoseStamped> for PoseWithCovarianceStamped {
+    fn held(self) -> PoseStamped {
+        PoseStamped { header: self.header, pose: self.pose.pose }
+    }
+}
+
+/// The instrument points straight down.
+impl Holds<PoseStamped> for PointStamped {
+    fn held(self) -> PoseStamped {
+        PoseStamped { header: self.header, pose: Pose { position: self.point, orientation: DOWN } }
+    }
+}
+
+impl Holds<Self> for WrenchStamped {
+    fn held(self) -> Self {
+        self
+    }
+}
+
+impl Holds<WrenchStamped> for Wrench {
+    fn held(self) -> WrenchStamped {
+        WrenchStamped { header: Header::default(), wrench: self }
+    }
+}
+
+/// The tip's pose from a message of one of [`POSES`].
 pub(super) fn pose_of(bag: &BagReader, message: &Message) -> Result<PoseStamped, String> {
-    let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
-    if kind == TransformStamped::TYPE {
-        let TransformStamped { header, transform, .. } = bag.decode(message)?;
-        let position = <[f64; 3]>::from(transform.translation).into();
-        return Ok(PoseStamped { header, pose: Pose { position, orientation: transform.rotation } });
+    match bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str()) {
+        TransformStamped::TYPE => bag.decode::<TransformStamped>(message).map(Holds::held),
+        PoseWithCovarianceStamped::TYPE => bag.decode::<PoseWithCovarianceStamped>(message).map(Holds::held),
+        PointStamped::TYPE => bag.decode::<PointStamped>(message).map(Holds::held),
+        _ => bag.decode(message),
     }
-    if kind == PointStamped::TYPE {
-        let PointStamped { header, point } = bag.decode(message)?;
-        return Ok(PoseStamped { header, pose: Pose { position: point, orientation: DOWN } });
-    }
-    if kind == PoseWithCovarianceStamped::TYPE {
-        let PoseWithCovarianceStamped { header, pose } = bag.decode(message)?;
-        return Ok(PoseStamped { header, pose: pose.pose });
-    }
-    bag.decode(message)
 }
 
 /// The wrench from a message of one of [`WRENCHES`].

@@ -390,6 +390,7 @@ mod tests {
         let of = |name: &str, text: String| streamed(&[file(name, &(head.to_owned() + &text))], &said);
         assert!(of("plain.csv", plain.clone()));
         assert!(of("lost.csv", plain.replace("12.3450,", "12.3450,over")), "a lost row is counted, and is no disorder");
+        assert!(of("cut.csv", plain.trim_end_matches(|c| c != ',').to_owned()), "its last row is lost");
         assert!(of("foot.csv", plain.clone() + "end of the test\n"));
         let gaps = |i: u32| {
             if i.is_multiple_of(3) {
@@ -420,8 +421,17 @@ mod tests {
         };
         assert!(of("columns.csv", rows(&columns)), "a column each at its own rate");
         assert!(of("one.csv", rows(&|i| format!("5,{:.5},{:.5}\n", depth(i), depth(i)))));
+        // stamps in disorder
+        assert!(of("turned.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", time(i ^ 1), depth(i)))));
+        let late = |i: u32| {
+            // the force comes a third of a second late, in rows of its own
+            let row = format!("{:.4},{:.5},\n", time(i), depth(i));
+            if i < 333 { row } else { format!("{row}{:.4},,{:.5}\n", time(i - 333), depth(i)) }
+        };
+        assert!(of("late.csv", rows(&late)));
         // what must be in memory
-        assert!(!of("turned.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", time(i ^ 1), depth(i)))));
+        let far = |i: u32| if i % 9_000 == 7_000 { time(i) - 1.5 } else { time(i) };
+        assert!(!of("far.csv", rows(&|i| format!("{:.4},{:.5},0.1\n", far(i), depth(i)))));
         let again = plain.clone() + "\n" + head + &plain;
         let two = file("two.csv", &(head.to_owned() + &again));
         streamed(std::slice::from_ref(&two), &said);

@@ -26,7 +26,7 @@ mod write;
 pub use adapter::{Adapter, Refusal, orientation};
 pub use force_series::ForceSeries;
 pub use foreign::ForeignError;
-pub use foreign::{ForceSource, PositionSource};
+pub use foreign::{ForceSource, Holds, POSES, PositionSource, WRENCHES};
 pub use frame::FrameError;
 pub use import::{Extent, Import, Imported};
 pub use reading::{At, Reading};

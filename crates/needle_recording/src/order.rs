@@ -4,7 +4,7 @@ use super::middle::Middle;
 
 /// Largest step in time that counts as disorder and is sorted, ns. A larger step back starts a second recording, or
 /// ends a sequence of outlying stamps.
-const DISORDER_NS: i64 = 1_000_000_000;
+pub(super) const DISORDER_NS: i64 = 1_000_000_000;
 /// Stamps this far from most others, ns, are outliers: no recording pauses for so long.
 pub(super) const DAY_NS: i64 = 86_400 * 1_000_000_000;
 

@@ -618,7 +618,7 @@ pub(super) fn seconds(ns: i64, origin_ns: i64) -> f64 {
 fn told(read: &[Table]) -> (Vec<Loss>, Vec<String>) {
     let loss = |table: &Table| {
         let first = table.first_bad.as_deref().unwrap_or_default();
-        let reason = format!("a cell that is needed is no number, first in {first}");
+        let reason = format!("a cell that is needed is missing or no number, first in {first}");
         Loss::Samples { topic: table.file.clone(), count: table.bad, reason }
     };
     let losses = read.iter().filter(|t| t.bad > 0).map(loss).collect();

@@ -198,10 +198,12 @@ impl Graph {
 /// A peer on the topic speaks another type.
 pub(super) fn other_type(topic: &str, side: Side, theirs: &str, ours: &str) -> String {
     format!(
-        "`{topic}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {topic}:=/other)",
+        "`{topic}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {topic}:=/other), or name the type where \
+         the node has a parameter for it (-p {}_type:=...)",
         side.word(),
         ros_type(theirs),
         ros_type(ours),
+        topic.rsplit('/').next().unwrap_or_default(),
     )
 }
 

@@ -50,7 +50,8 @@ pub(super) struct Inlet {
     pub failed: Arc<AtomicU64>,
 }
 
-/// The node's side of one endpoint.
+/// The node's side of one endpoint. A clone takes from the same queue.
+#[derive(Clone)]
 pub struct Mailbox {
     queue: Receiver<Delivery>,
     bytes: Arc<AtomicUsize>,

@@ -43,7 +43,16 @@ static DEFINITIONS: &[Definition] = &[
     definition("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n", ""),
     definition("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n", ""),
     definition("geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n", ""),
-    definition("geometry_msgs/Wrench", "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n", ""),
+    definition(
+        "geometry_msgs/Wrench",
+        "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
+        "RIHS01_018e8519d57c16adbe97c9fe1460ef21fec7e31bc541de3d653a35895677ce52",
+    ),
+    definition(
+        "geometry_msgs/PointStamped",
+        "std_msgs/Header header\ngeometry_msgs/Point point\n",
+        "RIHS01_4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897",
+    ),
     definition(
         "geometry_msgs/PoseStamped",
         "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
@@ -107,7 +116,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "geometry_msgs/TransformStamped",
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
-        "",
+        "RIHS01_0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206",
     ),
     definition(
         "tf2_msgs/TFMessage",

@@ -176,6 +176,41 @@ impl<M: RosMessage + 'static> Input<M> {
     }
 }
 
+type Read<T> = dyn Fn(&Delivery) -> Option<T> + Send;
+
+/// A subscription to one of several types, whose messages are converted to `T` as they come.
+pub struct Converted<T> {
+    mailbox: Mailbox,
+    wish: Wish,
+    read: Box<Read<T>>,
+}
+
+impl<M: RosMessage + 'static> Input<M> {
+    /// The same with all messages converted. The node's own recording has them as they came.
+    pub fn converted<T>(self, convert: impl Fn(M) -> T + Send + 'static) -> Converted<T> {
+        let (mailbox, wish) = (self.mailbox.clone(), self.wish());
+        Converted { mailbox, wish, read: Box::new(move |delivery| self.read(delivery).map(|(m, _)| convert(m))) }
+    }
+}
+
+impl<T> Converted<T> {
+    /// As [`Input::wish`].
+    #[must_use]
+    pub fn wish(&self) -> Wish {
+        self.wish.clone()
+    }
+
+    /// As [`Input::next_from`].
+    pub async fn next_from(&self) -> (T, Origin) {
+        loop {
+            let delivery = self.mailbox.next().await;
+            if let Some(message) = (self.read)(&delivery) {
+                return (message, Origin::of(&delivery));
+            }
+        }
+    }
+}
+
 /// The subscription of an input.
 #[derive(Clone, Debug)]
 pub struct Wish {

@@ -17,7 +17,7 @@ use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageTypeName, QosProfile, ServiceMapping};
 
 use super::arguments::{ParameterOverride, RosArguments};
-pub use super::endpoint::{Input, Output, Wish};
+pub use super::endpoint::{Converted, Input, Output, Wish};
 use super::environment::{Environment, Reach};
 use super::error::NodeError;
 pub use super::error::ParticipantError;

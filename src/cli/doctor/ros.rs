@@ -175,7 +175,8 @@ fn kept_to_this_machine(heard: &Survey, subnet: bool) -> Row {
 /// For each input of the twin the topics that have its type.
 fn inputs(heard: &Survey) -> Vec<Row> {
     let mut rows = Vec::new();
-    for (input, type_name) in twin_node::input_topics() {
+    for (input, types) in twin_node::input_topics() {
+        let type_name = types[0];
         let is_named_so = |topic: &str| topic.rsplit('/').next() == Some(input);
         let fitting: Vec<&Heard> = heard.published.iter().filter(|h| h.type_name == type_name).collect();
         let other = heard.published.iter().find(|h| is_named_so(&h.topic) && h.type_name != type_name);
@@ -184,7 +185,10 @@ fn inputs(heard: &Survey) -> Vec<Row> {
             rows.push(Row::problem(
                 name,
                 format!("{topic} has the type {theirs}"),
-                format!("Publish {type_name} there, or remap the twin's input to another topic: the twin does not hear this one."),
+                match types.contains(&theirs.as_str()) {
+                    true => format!("Start the twin with `-p {input}_type:={theirs}`: it hears {type_name} otherwise."),
+                    false => format!("Publish {type_name} there, or remap the twin's input to another topic: the twin does not hear this one."),
+                },
             ));
         } else if !fitting.is_empty() {
             let topics: Vec<&str> = fitting.iter().map(|h| h.topic.as_str()).collect();
@@ -215,7 +219,7 @@ mod tests {
         assert!(fits.len() == 1 && fits[0].value.contains("-r measured_js:=/arm/joint_states"), "{fits:?}");
         let wrong = inputs(&publishing(&[("/arm/measured_cf", "geometry_msgs/msg/Wrench")]));
         assert_eq!(wrong[0].verdict, Verdict::Problem);
-        assert!(wrong[0].advice.as_ref().unwrap().contains("geometry_msgs/msg/WrenchStamped"));
+        assert!(wrong[0].advice.as_ref().unwrap().contains("-p measured_cf_type:=geometry_msgs/msg/Wrench`"));
         assert!(inputs(&publishing(&[("/chatter", "std_msgs/msg/String")])).is_empty());
     }
 

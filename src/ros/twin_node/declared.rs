@@ -3,7 +3,10 @@
 use std::net::IpAddr;
 
 use super::identification;
+use needle_recording::{POSES, WRENCHES};
 use ros2_client::ParameterValue;
+use ros2_messages::RosMessage as _;
+use ros2_messages::geometry_msgs::{PoseStamped, WrenchStamped};
 use ros2_node::parameter::{Parameter, parameters};
 use ros2_node::parameters::{Declaration, Parameters};
 use ros2_node::recorder;
@@ -30,6 +33,22 @@ parameters! {
         "Frame of the outputs, and the one that measured_cp must be in.",
     )
     .fixed();
+    MEASURED_CP_TYPE: String = Parameter::new(
+        "measured_cp_type",
+        PoseStamped::TYPE,
+        "Type of measured_cp; with a point the instrument points straight down.",
+    )
+    .checked("PoseStamped, TransformStamped, PoseWithCovarianceStamped or PointStamped of geometry_msgs/msg", |v| is_one(v, &POSES))
+    .fixed();
+    MEASURED_CF_TYPE: String = Parameter::new("measured_cf_type", WrenchStamped::TYPE, "Type of measured_cf.")
+        .checked("WrenchStamped or Wrench of geometry_msgs/msg", |v| is_one(v, &WRENCHES))
+        .fixed();
+    TIME_OFFSET_S: f64 = Parameter::real(
+        "time_offset_s",
+        0.0,
+        [-1e9, 1e9],
+        "How far the stamps of measured_cf are ahead of those of the poses: subtracted from them, s.",
+    );
     PUBLISH_TF: bool = Parameter::new(
         "publish_tf",
         true,
@@ -156,6 +175,13 @@ parameters! {
     .fixed();
 }
 
+fn is_one(value: &ParameterValue, types: &[&str]) -> Result<(), String> {
+    match value {
+        ParameterValue::String(v) if types.contains(&v.as_str()) => Ok(()),
+        _ => Err(format!("is one of {}", types.join(", "))),
+    }
+}
+
 fn is_address(value: &ParameterValue) -> Result<(), String> {
     match value {
         ParameterValue::String(v) if v.parse::<IpAddr>().is_ok() => Ok(()),
@@ -175,6 +201,7 @@ pub(super) fn declarations() -> Vec<Declaration> {
 #[derive(Clone, Debug)]
 pub(super) struct Settings {
     pub joint_name: String,
+    pub time_offset_s: f64,
     pub tissue_rate_hz: f64,
     pub status_rate_hz: f64,
     pub input_timeout_s: f64,
@@ -193,6 +220,7 @@ impl Settings {
     pub(crate) fn of(parameters: &Parameters) -> Self {
         Self {
             joint_name: parameters.get(JOINT_NAME),
+            time_offset_s: parameters.get(TIME_OFFSET_S),
             tissue_rate_hz: parameters.get(TISSUE_RATE_HZ),
             status_rate_hz: parameters.get(STATUS_RATE_HZ),
             input_timeout_s: parameters.get(INPUT_TIMEOUT_S),

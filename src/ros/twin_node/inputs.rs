@@ -11,15 +11,18 @@ use super::solver::Event;
 use super::stretch::{Arrival, Stretch};
 use super::tracked::Seen;
 use needle_estimate::compare::frozen::Frozen;
-use needle_recording::{Adapter, Refusal};
+use needle_recording::{Adapter, Holds, Refusal};
+use ros2_messages::RosMessage as _;
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
+use ros2_messages::geometry_msgs::{
+    PointStamped, PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped, Wrench, WrenchStamped,
+};
 use ros2_messages::rosgraph_msgs::Clock;
 use ros2_messages::sensor_msgs::JointState;
 use ros2_node::clock::Tick;
 use ros2_node::logging::Throttle;
 use ros2_node::origin::{Followed, Guid, Origin};
-use ros2_node::participant::{Input, Participant, ParticipantError, Wish};
+use ros2_node::participant::{Converted, Input, Participant, ParticipantError, Wish};
 use ros2_node::qos;
 
 /// Stamps further than this ahead of the node's clock are rejected. `/clock` comes at 1 Hz at the slowest.
@@ -31,18 +34,29 @@ const UNSTAMPED: &str = "has no stamps: how old it is can't be known";
 /// The subscriptions.
 pub(super) struct Inputs {
     joint: Input<JointState>,
-    pose: Input<PoseStamped>,
-    wrench: Input<WrenchStamped>,
+    pose: Converted<PoseStamped>,
+    wrench: Converted<WrenchStamped>,
     targets: Input<PoseArray>,
     clock: Input<Clock>,
 }
 
 impl Inputs {
-    pub(crate) fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    /// `types`: of the poses and of the load cell.
+    pub(crate) fn new(participant: &mut Participant, types: [&str; 2]) -> Result<Self, ParticipantError> {
         Ok(Self {
             joint: participant.subscription("measured_js", qos::sensor(10))?,
-            pose: participant.subscription("measured_cp", qos::sensor(10))?,
-            wrench: participant.subscription("measured_cf", qos::sensor(50))?,
+            pose: match types[0] {
+                TransformStamped::TYPE => converted::<TransformStamped, _>(participant, "measured_cp", 10)?,
+                PoseWithCovarianceStamped::TYPE => {
+                    converted::<PoseWithCovarianceStamped, _>(participant, "measured_cp", 10)?
+                }
+                PointStamped::TYPE => converted::<PointStamped, _>(participant, "measured_cp", 10)?,
+                _ => converted::<PoseStamped, _>(participant, "measured_cp", 10)?,
+            },
+            wrench: match types[1] {
+                Wrench::TYPE => converted::<Wrench, _>(participant, "measured_cf", 50)?,
+                _ => converted::<WrenchStamped, _>(participant, "measured_cf", 50)?,
+            },
             targets: participant.subscription("measured_targets", qos::sensor(10))?,
             clock: participant.subscription("/clock", qos::sensor(1))?,
         })
@@ -52,6 +66,14 @@ impl Inputs {
     pub(crate) fn wishes(&self) -> [Wish; 4] {
         [self.joint.wish(), self.pose.wish(), self.wrench.wish(), self.clock.wish()]
     }
+}
+
+fn converted<M: Holds<T>, T: 'static>(
+    participant: &mut Participant,
+    name: &str,
+    depth: usize,
+) -> Result<Converted<T>, ParticipantError> {
+    Ok(participant.subscription::<M>(name, qos::sensor(depth))?.converted(M::held))
 }
 
 /// Runs until `stop` is closed.
@@ -233,7 +255,8 @@ impl<'a> Intake<'a> {
         if !is_time(message.header.stamp) {
             self.doubt(Doubt::Unstamped("measured_cf"), || UNSTAMPED.to_owned());
         }
-        let stamp_nanos = stamp_or_now(self.shared, message.header.stamp);
+        let late_nanos = if is_time(message.header.stamp) { self.shared.settings().time_offset_s * 1e9 } else { 0.0 };
+        let stamp_nanos = stamp_or_now(self.shared, message.header.stamp).saturating_sub(late_nanos as i64);
         #[allow(clippy::cast_precision_loss)] // a duration for a log line
         let ahead_s = self.shared.clock.now_nanos().map(|now| (stamp_nanos - now) as f64 * 1e-9);
         self.shared.lock().ahead_s[1] = ahead_s;

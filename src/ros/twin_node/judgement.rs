@@ -136,7 +136,7 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
             judgement.add(TwinStatus::HEALTH_WARN, format!("{} {words}", doubt.topic()));
         }
     }
-    if let Some(reason) = clocks_differ(live) {
+    if let Some(reason) = clocks_differ(live, settings.time_offset_s) {
         judgement.add(TwinStatus::HEALTH_WARN, reason);
     }
     if let Some(reason) = load_cell_problem(live) {
@@ -181,13 +181,14 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
 const CLOCKS_DIFFER_S: f64 = 0.1;
 
 /// Why the stamps of load cell and poses can't be compared.
-fn clocks_differ(live: &Live) -> Option<String> {
+fn clocks_differ(live: &Live, given_s: f64) -> Option<String> {
     let [Some(pose_s), Some(cell_s)] = live.ahead_s else { return None };
     let (ahead_s, side) = if cell_s > pose_s { (cell_s - pose_s, "ahead of") } else { (pose_s - cell_s, "behind") };
     (ahead_s > CLOCKS_DIFFER_S).then(|| {
         format!(
             "the stamps of measured_cf are {ahead_s:.3} s {side} those of the poses: readings and predictions of different moments are \
-             compared. Synchronise the clocks of the sensors"
+             compared. Synchronise the clocks of the sensors, or give the offset (-p time_offset_s:={:.3}) if it stays",
+            given_s + cell_s - pose_s
         )
     })
 }

@@ -69,9 +69,10 @@ use super::scene_parameters;
 use named_threads::{join, join_before, spawn};
 use needle_core::scene::Scene;
 use needle_estimate::compare::ensemble::{self, EnsembleError, Member, Size};
+use needle_recording::{POSES, WRENCHES};
 use ros2_guarded::signals::Signals;
 use ros2_messages::RosMessage as _;
-use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
+use ros2_messages::geometry_msgs::PoseArray;
 use ros2_messages::sensor_msgs::JointState;
 use ros2_node::clock::NodeClock;
 use ros2_node::parameters::Parameters;
@@ -121,14 +122,15 @@ pub(crate) fn ports() -> [Port; 2] {
     })
 }
 
-/// The topics that the node reads, by the names that it has for them, with their types as ROS says them.
+/// The topics that the node reads, by the names that it has for them, with their types as ROS says them: the first, or one of the others if the
+/// topic's parameter names it.
 #[must_use]
-pub(crate) fn input_topics() -> [(&'static str, &'static str); 4] {
+pub(crate) fn input_topics() -> [(&'static str, &'static [&'static str]); 4] {
     [
-        ("measured_js", JointState::TYPE),
-        ("measured_cp", PoseStamped::TYPE),
-        ("measured_cf", WrenchStamped::TYPE),
-        ("measured_targets", PoseArray::TYPE),
+        ("measured_js", &[JointState::TYPE]),
+        ("measured_cp", &POSES),
+        ("measured_cf", &WRENCHES),
+        ("measured_targets", &[PoseArray::TYPE]),
     ]
 }
 
@@ -194,7 +196,8 @@ impl Node {
         participant.set_recorder(Recorder::create(parameters)?);
         let clock = NodeClock::new(parameters.get(start::USE_SIM_TIME));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
-        let inputs = Inputs::new(&mut participant)?;
+        let types = [declared::MEASURED_CP_TYPE, declared::MEASURED_CF_TYPE].map(|kind| parameters.get(kind));
+        let inputs = Inputs::new(&mut participant, types.each_ref().map(String::as_str))?;
         let force = ForceOutputs::new(&mut participant, parameters, scene)?;
         let page = Page::open(parameters, &shared, participant.bell())?;
         let mut tissue = TissueOutputs::new(&mut participant, scene)?;

@@ -70,7 +70,9 @@ pub(crate) fn not_a_place(offset_m: &[f64; 3], time_s: f64) -> Option<String> {
         return Some(format!("its time is {time_s:e} s; a stamp is in {TIME_S} s"));
     }
     let far = offset_m.iter().find(|x| !COORDINATE_M.contains(**x))?;
-    Some(format!("its tip is {far:e} m away from where the instrument meets the sample; a tip is in {COORDINATE_M} m"))
+    Some(format!(
+        "its tip is {far:e} m away from where the instrument meets the sample; a tip is in {COORDINATE_M} m (in mm it has to be divided by 1000)"
+    ))
 }
 
 #[cfg(test)]

@@ -42,10 +42,10 @@ pub(super) fn assemble(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud
     Ok((cloud, volumes, warnings))
 }
 
-/// Leaves out nodes of no cell; returns how many there were.
-fn drop_unused(mesh: &mut Imported) -> usize {
+/// Leaves out nodes of no cell, or of no triangle of a surface alone; returns how many there were.
+pub(super) fn drop_unused(mesh: &mut Imported) -> usize {
     let mut number = vec![u32::MAX; mesh.points.len()];
-    mesh.cells.iter().flatten().for_each(|&n| number[n as usize] = 0);
+    mesh.cells.iter().flatten().chain(mesh.surface.iter().flatten()).for_each(|&n| number[n as usize] = 0);
     let kept: Vec<usize> = (0..number.len()).filter(|&n| number[n] == 0).collect();
     for (new, &old) in kept.iter().enumerate() {
         number[old] = new as u32;
@@ -53,7 +53,8 @@ fn drop_unused(mesh: &mut Imported) -> usize {
     let unused = number.len() - kept.len();
     mesh.points = kept.iter().map(|&n| mesh.points[n]).collect();
     mesh.node_names = kept.iter().map(|&n| mesh.node_names[n]).collect();
-    mesh.cells.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
+    let surface = mesh.surface.iter_mut().flatten();
+    mesh.cells.iter_mut().flatten().chain(surface).for_each(|n| *n = number[*n as usize]);
     mesh.hexahedra.iter_mut().flat_map(|h| &mut h.corners).for_each(|n| *n = number[*n as usize]);
     for nodes in mesh.groups.values_mut() {
         nodes.retain(|&n| number[n as usize] != u32::MAX);

@@ -6,6 +6,7 @@
 //! .vtu ─► vtu ─┘
 //! .stl ─► stl ─────────────► skin (closed? outward?) ─► Cloud without cells
 //! ```
+//! An .msh or .vtu of triangles alone takes the way of an .stl.
 //!
 //! Nothing is allocated by what a file declares, only by what it holds: at most about 64 bytes per byte of the file.
 
@@ -38,7 +39,7 @@ pub struct ImportError {
     pub reason: String,
 }
 
-/// Reads a mesh by the ending of its name, `.msh` or `.vtu`, or the closed surface of an `.stl`, with the nodes of the groups that are `wanted`.
+/// Reads a mesh, or a closed surface alone, by the ending of its name (`.msh`, `.vtu`, `.stl`), with the nodes of the groups that are `wanted`.
 ///
 /// # Errors
 /// [`ImportError`]: the file can't be read, or is not of a form that is read here.
@@ -123,5 +124,7 @@ fn assemble_from(
     wanted: &Wanted<'_>,
 ) -> Result<(Cloud, Volumes, Vec<String>), ImportError> {
     let assembled = if imported.surface.is_empty() { assemble::assemble } else { skin::skin };
-    assembled(imported, wanted).map_err(|reason| ImportError { place: path.display().to_string(), reason })
+    let remedy = imported.remedy;
+    assembled(imported, wanted)
+        .map_err(|reason| ImportError { place: path.display().to_string(), reason: reason + remedy })
 }

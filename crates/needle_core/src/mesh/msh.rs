@@ -1,7 +1,7 @@
 //! Gmsh's MSH format, versions 4.1 and 2.2, as text and in bytes (Gmsh reference manual, "MSH file format").
 //!
 //! Read are nodes, tetrahedra, hexahedra, wedges and pyramids of first order, and the physical groups of surfaces (by their triangles and
-//! quadrangles) and volumes. Points, lines and sections that no mesh needs are skipped.
+//! quadrangles) and volumes. Triangles and quadrangles alone are a surface. Points, lines and sections that no mesh needs are skipped.
 //!
 //! Version 4.1 has groups by the entity (surface, volume) that an element is of. Version 2.2 has them by the element, which is there once for
 //! each group that it is in: elements of the same nodes are one here, and what is in the same groups is an entity.
@@ -13,6 +13,9 @@ use super::words::{Words, short};
 
 /// What to do about a file of another form.
 const SAVE_AS: &str = "save it with Mesh.MshFileVersion = 4.1";
+/// What to do about a file without cells whose surface can't be used.
+const NO_CELLS: &str = "; it has no tetrahedra and no hexahedra: mesh in 3 dimensions, and name a physical volume as well (or save with \
+                        Mesh.SaveAll = 1): Gmsh leaves out what is in no physical group";
 /// Gmsh's numbers of the element types that are read or skipped.
 const LINE: i64 = 1;
 const TRIANGLE: i64 = 2;
@@ -385,7 +388,10 @@ impl<'a> Reader<'a> {
     fn element(&mut self, entity: i64, tag: u64, kind: i64, corners: &[u32]) -> Result<(), Flaw> {
         match kind {
             POINT | LINE => {}
-            TRIANGLE | QUADRANGLE => self.patches.entry(entity).or_default().extend(corners),
+            TRIANGLE | QUADRANGLE => {
+                self.mesh.add_facet(corners);
+                self.patches.entry(entity).or_default().extend(corners);
+            }
             _ => {
                 let cells = self.mesh.add(tag, corners).map_err(|reason| self.words.flaw(reason))?;
                 self.volume_of_cell.extend(std::iter::repeat_n(entity, cells));
@@ -444,10 +450,12 @@ impl<'a> Reader<'a> {
             }
         }
         if self.mesh.cells.is_empty() {
-            return Err(Flaw::of_file(
-                "it has no tetrahedra and no hexahedra: mesh in 3 dimensions, and name a physical volume as well (or save with \
-                 Mesh.SaveAll = 1): Gmsh leaves out what is in no physical group",
-            ));
+            self.mesh.remedy = NO_CELLS;
+        } else {
+            self.mesh.surface.clear();
+        }
+        if self.mesh.cells.is_empty() && self.mesh.surface.is_empty() {
+            return Err(Flaw::of_file(NO_CELLS.trim_start_matches([' ', ';'])));
         }
         let mut known: BTreeMap<String, Vec<i64>> = BTreeMap::new();
         for surface in self.patches.keys() {
@@ -468,6 +476,7 @@ impl<'a> Reader<'a> {
         }
         self.mesh.known_groups = known.into_keys().collect();
         self.mesh.volumes = self.volumes();
+        self.mesh.name_by_height(wanted);
         Ok(self.mesh)
     }
 }

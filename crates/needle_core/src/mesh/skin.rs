@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use mtled::cloud::quality::Summary;
 use mtled::cloud::{Cloud, MAX_NODES};
 
-use super::assemble::{scale, surface_faces};
+use super::assemble::{drop_unused, scale, surface_faces};
 use super::imported::{Imported, Volumes, Wanted};
 
 /// The cloud, and warnings.
 pub(super) fn skin(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud, Volumes, Vec<String>), String> {
+    drop_unused(&mut mesh);
     if mesh.points.len() > MAX_NODES {
         return Err(format!("it has {} corners; at most {MAX_NODES} are taken: decimate it", mesh.points.len()));
     }

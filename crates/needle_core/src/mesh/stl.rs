@@ -1,18 +1,12 @@
 //! Stereolithography files (.stl), as text and in bytes: the closed surface of a body, without cells.
 //!
-//! Corners that are the same point are one node. A text may have several solids, whose names are groups. A file that names none has two all the
-//! same: [`BASE`] is what lies within a share of the height above the lowest point, [`CONTACT`] the rest.
+//! Corners that are the same point are one node. A text may have several solids, whose names are groups.
 
 use std::collections::BTreeMap;
 
 use super::imported::{Flaw, Imported};
 use super::words::{Words, short};
 
-/// Names of the two surfaces of a file that names none: the defaults of the scene's keys.
-const BASE: &str = "base";
-const CONTACT: &str = "contact";
-/// Share of the height that counts as the base there.
-const BASE_SHARE: f64 = 0.1;
 /// Bytes before the triangles, and of a triangle.
 const HEAD: usize = 84;
 const TRIANGLE: usize = 50;
@@ -125,9 +119,6 @@ impl Surface {
         if self.mesh.surface.is_empty() {
             return Err(Flaw::of_file("it has no triangle with an area"));
         }
-        if !wanted.iter().any(|name| self.solids.contains_key(*name)) {
-            self.by_height();
-        }
         for (name, mut nodes) in self.solids {
             nodes.sort_unstable();
             nodes.dedup();
@@ -136,25 +127,8 @@ impl Surface {
                 self.mesh.groups.insert(name, nodes);
             }
         }
+        self.mesh.name_by_height(wanted);
         Ok(self.mesh)
-    }
-
-    /// Names the two surfaces of a file that names none.
-    fn by_height(&mut self) {
-        let z = || self.mesh.points.iter().map(|p| p[2]);
-        let (low, high) = (z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max));
-        let below = |n: &u32| self.mesh.points[*n as usize][2] <= low + BASE_SHARE * (high - low);
-        let (base, contact): (Vec<&[u32; 3]>, Vec<&[u32; 3]>) =
-            self.mesh.surface.iter().partition(|t| t.iter().all(below));
-        let nodes = |triangles: Vec<&[u32; 3]>| triangles.into_iter().flatten().copied().collect::<Vec<u32>>();
-        let (base, contact) = (nodes(base), nodes(contact));
-        self.mesh.remarks.push(format!(
-            "the STL names no surfaces: \"{BASE}\" is what lies within {:.0} % of the height above its lowest point, \"{CONTACT}\" the rest (as \
-             text, each solid of an STL is a group by its name)",
-            100.0 * BASE_SHARE
-        ));
-        self.solids.insert(BASE.to_owned(), base);
-        self.solids.insert(CONTACT.to_owned(), contact);
     }
 }
 

@@ -1,7 +1,8 @@
 //! VTK's XML format for unstructured grids (.vtu), as ParaView, PyVista and meshio write it.
 //!
 //! Read are points, linear tetrahedra, hexahedra, wedges and pyramids, and groups: arrays of one component at the points or cells whose
-//! name was asked for; what is not zero is a member. Vertices, lines, triangles and quadrangles only carry groups.
+//! name was asked for; what is not zero is a member. Vertices and lines only carry groups, and so do
+//! triangles and quadrangles beside cells; alone they are a surface.
 
 use roxmltree::{Document, Node};
 
@@ -9,8 +10,12 @@ use super::arrays::{Appended, Encoding};
 use super::imported::{Flaw, Imported};
 
 /// VTK's numbers of linear cells with their corners: vertex, line, triangle, pixel and quadrangle; tetrahedron, hexahedron, wedge, pyramid.
-const SMALLER: [(f64, usize); 5] = [(1.0, 1), (3.0, 2), (5.0, 3), (8.0, 4), (9.0, 4)];
+const SMALLER: [(f64, usize); 5] = [(1.0, 1), (3.0, 2), (5.0, 3), (PIXEL, 4), (9.0, 4)];
 const SOLID: [(f64, usize); 5] = [(10.0, 4), (VOXEL, 8), (12.0, 8), (13.0, 6), (14.0, 5)];
+/// Cells that make a surface: triangles, pixels and quadrangles.
+const FACETS: [f64; 3] = [5.0, PIXEL, 9.0];
+/// An upright rectangle, whose corners are counted along two axes instead of round it.
+const PIXEL: f64 = 8.0;
 /// An upright box, whose corners are counted along x, y and z instead of round its faces.
 const VOXEL: f64 = 11.0;
 
@@ -112,12 +117,18 @@ impl<'a, 'd> Piece<'a, 'd> {
             }
         }
         if mesh.cells.is_empty() {
+            all.iter().filter(|cell| FACETS.contains(&cell.kind)).for_each(|cell| mesh.add_facet(&cell.corners));
+            mesh.remedy =
+                "; none of its cells is a tetrahedron or a hexahedron: mesh in 3 dimensions, or close its surface";
+        }
+        if mesh.cells.is_empty() && mesh.surface.is_empty() {
             return Err(Flaw::of_file(format!(
                 "none of its {} cells is a tetrahedron or a hexahedron: mesh in 3 dimensions",
                 all.len()
             )));
         }
         self.groups(&mut mesh, &all, wanted)?;
+        mesh.name_by_height(wanted);
         Ok(mesh)
     }
 
@@ -156,8 +167,10 @@ impl<'a, 'd> Piece<'a, 'd> {
                 known.then_some(n as u32).ok_or_else(|| Flaw::of_file(format!("cell {i} names point {n} of {points}")))
             });
             let mut corners: Vec<u32> = cell.collect::<Result<_, _>>()?;
-            if kind == VOXEL {
+            if kind == VOXEL || kind == PIXEL {
                 corners.swap(2, 3);
+            }
+            if kind == VOXEL {
                 corners.swap(6, 7);
             }
             start += corners.len();

@@ -102,7 +102,8 @@ pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Ve
     groups(scene, &volumes)?;
     let own = matches!(scene.sample.shape, Shape::Mesh(_));
     if own && cloud.cells.is_empty() {
-        let reason = "a surface alone has no tetrahedra for nodes: \"outline\" fills it with the twin's own (with discretisation.spacing_m)";
+        let reason = "a surface alone has no tetrahedra for nodes: \"outline\" fills it with the twin's own (with discretisation.spacing_m), or \
+                      mesh it in 3 dimensions (Gmsh leaves out what is in no physical group: name a physical volume as well)";
         return refuse("sample.shape", reason.to_owned());
     }
     if own && scene.discretisation.cells != Cells::Tetrahedra && cloud.hexahedra.is_empty() {

@@ -315,6 +315,78 @@ fn organ(mesh: &Path) -> Scene {
     Scene::from_toml(&text, "organ").unwrap()
 }
 
+/// The surface of a cloud in mm, as an STL that names nothing and as an .msh of triangles alone, with groups or without.
+fn surface_files(cloud: &mtled::cloud::Cloud, folder: &TempDir) -> [PathBuf; 3] {
+    let at = |n: u32| cloud.points[n as usize].map(|x| (1e3 * x).to_string()).join(" ");
+    let facet = |t: &[u32; 3]| {
+        let corners: String = t.map(|n| format!("vertex {}\n", at(n))).concat();
+        format!("facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n")
+    };
+    let stl = format!("solid\n{}endsolid\n", cloud.surface.iter().map(facet).collect::<String>());
+    let msh = |named: bool| {
+        let mut text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n".to_owned();
+        if named {
+            text += "$PhysicalNames\n2\n2 1 \"base\"\n2 2 \"contact\"\n$EndPhysicalNames\n";
+        }
+        // as Gmsh saves it: with a node of the geometry that no triangle has
+        let _ = write!(text, "$Nodes\n{}\n{} 0 0 90\n", cloud.points.len() + 1, cloud.points.len() + 1);
+        (0..cloud.points.len() as u32).for_each(|n| writeln!(text, "{} {}", n + 1, at(n)).unwrap());
+        let _ = write!(text, "$EndNodes\n$Elements\n{}\n", cloud.surface.len());
+        for (i, (t, face)) in (1..).zip(cloud.surface.iter().zip(&cloud.surface_faces)) {
+            let group = match *face {
+                mtled::cloud::BASE if named => 1,
+                mtled::cloud::TOP if named => 2,
+                _ => 3,
+            };
+            let [a, b, c] = t.map(|n| n + 1);
+            writeln!(text, "{i} 2 2 {group} {group} {a} {b} {c}").unwrap();
+        }
+        text + "$EndElements\n"
+    };
+    let files = [("block.stl", stl), ("named.msh", msh(true)), ("bare.msh", msh(false))];
+    files.map(|(name, text)| {
+        let path = folder.path().join(name);
+        fs::write(&path, text).unwrap();
+        path
+    })
+}
+
+/// Base and top of a block are found by its heights, and its sides are no contact: a plate takes it, as it takes the named surfaces.
+#[test]
+fn a_closed_surface_without_names_is_found_by_its_heights_under_a_plate() {
+    let folder = TempDir::new().unwrap();
+    let changes = [("discretisation.spacing_m", "0.005"), ("discretisation.dimension", "full")];
+    // so many cells up that sides are in every tenth of the height
+    let mesh = mesh_of_cylinder(&folder, 12, 12, &|p| p);
+    let wanted = needle_core::mesh::Wanted { unit_m: 0.001, base: "base", contact: Some("contact") };
+    let (cloud, _) = needle_core::mesh::load(&mesh, &wanted).unwrap();
+    let files = surface_files(&cloud, &folder);
+    for preset in ["compression", "indentation"] {
+        let force = |file: &Path| {
+            let mut twin = Twin::new(&of_mesh(preset, file, &changes)).unwrap();
+            coarse::travel(&mut twin, 0.0, 0.001, 20).last().unwrap().force_n[2]
+        };
+        let whole = force(&mesh);
+        for file in &files {
+            let one = force(file);
+            println!("{preset}, {}: {one:.5} N, of tetrahedra {whole:.5} N", file.display());
+            assert!((one / whole - 1.0).abs() < 0.01, "{preset}, {}", file.display());
+        }
+    }
+    // a surface alone has no nodes of its own, and one with a hole is asked to be meshed or closed
+    let [_, named, _] = &files;
+    let refused = |scene: &Scene| Body::new(scene).unwrap_err().to_string();
+    let own = refused(&of_mesh_with("compression", named, &[("sample.shape", "mesh")]));
+    assert!(own.contains("outline") && own.contains("mesh it in 3 dimensions"), "{own}");
+    let closed = fs::read_to_string(named).unwrap();
+    let line = closed.lines().find(|line| line.starts_with("1 2 2 ")).unwrap();
+    let mut words: Vec<&str> = line.split(' ').collect();
+    words[7] = words[5];
+    fs::write(named, closed.replace(line, &words.join(" "))).unwrap();
+    let open = refused(&of_mesh("compression", named, &changes));
+    assert!(open.contains("not closed") && open.contains("name a physical volume"), "{open}");
+}
+
 /// A segmentation is a closed surface without cells: filled it is what a mesh of it gives, with its surfaces named or not.
 #[test]
 fn a_closed_surface_alone_is_an_outline() {

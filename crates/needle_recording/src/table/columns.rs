@@ -49,6 +49,22 @@ pub struct Columns {
     pub markers: Vec<[Column; 3]>,
 }
 
+impl Columns {
+    /// Indices of all columns that are used.
+    pub(super) fn indices(&self) -> Vec<usize> {
+        let single = self.time.iter().map(|(column, _)| column).chain(&self.position).chain(&self.force);
+        let several = self.forces.iter().chain(&self.pose).chain(&self.markers).flatten();
+        let mut all: Vec<usize> =
+            single.chain(several).chain(self.orientation.iter().flatten()).map(|column| column.index).collect();
+        match &self.time {
+            Some((_, Clock::Date(_, both))) => all.extend(both),
+            Some((_, Clock::Nanoseconds(rest))) => all.push(*rest),
+            _ => {}
+        }
+        all
+    }
+}
+
 /// A quantity that is searched for.
 struct Sought<'a> {
     what: &'static str,

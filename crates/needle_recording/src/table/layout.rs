@@ -293,6 +293,12 @@ impl Layout {
         most.into_iter().filter(|kind| count(*kind) > 0).max_by_key(|kind| count(*kind)).unwrap_or(Kind::Empty)
     }
 
+    /// Whether rows without a cell in this column are usual: more than one of the first rows, and more than a tenth.
+    pub(super) fn is_often_empty(&self, column: usize) -> bool {
+        let empty = self.rows.iter().filter(|line| line.kind(column) == Kind::Empty).count();
+        empty > 1 && empty * 10 > self.rows.len()
+    }
+
     /// Whether there are enough rows for a recording.
     pub(crate) fn has_rows(&self) -> bool {
         self.rows.len() >= ROWS

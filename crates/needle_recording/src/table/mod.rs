@@ -14,6 +14,7 @@ mod text;
 #[cfg(feature = "xlsx")]
 mod workbook;
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use super::thin::Thin;
@@ -23,7 +24,7 @@ use columns::Finder;
 pub use columns::{Column, Columns};
 use layout::{LOOKED_AT, Layout};
 use needle_core::twin::Pose;
-use rows::{Taken, Taking};
+use rows::{Row, Taken, Taking};
 use source::Source;
 pub(super) use source::size_of_text;
 pub(super) use survey::Survey;
@@ -146,6 +147,8 @@ pub struct Table {
     lines: [usize; 2],
     /// Whether a row had a sample.
     usable: bool,
+    /// Rows with samples that may be in disorder, by their stamps; `None`: they are kept in the order of the file.
+    waiting: Option<VecDeque<(i64, Row)>>,
     /// What is known of the samples where they are not kept.
     pub(super) survey: Option<Survey>,
     pub(super) depths: Vec<(i64, f64)>,
@@ -188,7 +191,7 @@ impl Table {
         file_number: usize,
         surveyed: bool,
     ) -> Result<Self, TableError> {
-        let blocks = Blocks { surveyed, ..Blocks::new(path, source, said, file_number) };
+        let blocks = Blocks { surveyed, streamed: surveyed, ..Blocks::new(path, source, said, file_number) };
         Self::wanted(path, blocks, said)
     }
 
@@ -249,8 +252,9 @@ struct Blocks<'a> {
     source: Source,
     said: &'a Selection,
     file_number: usize,
-    /// Whether the samples are left out.
+    /// Whether the samples are left out, and whether they are taken in the order of time.
     surveyed: bool,
+    streamed: bool,
     /// Line at which the next one begins, from 0.
     line: Option<usize>,
     /// Headers and number of columns of the last one.
@@ -260,7 +264,7 @@ struct Blocks<'a> {
 impl<'a> Blocks<'a> {
     fn new(path: &'a Path, source: Source, said: &'a Selection, file_number: usize) -> Self {
         let (file, before) = (path.display().to_string(), (None, 0));
-        Self { path, file, source, said, file_number, surveyed: false, line: Some(0), before }
+        Self { path, file, source, said, file_number, surveyed: false, streamed: false, line: Some(0), before }
     }
 
     /// A table of which no row was taken yet.
@@ -284,6 +288,7 @@ impl<'a> Blocks<'a> {
             file: self.file.clone(),
             columns,
             survey: self.surveyed.then(Survey::default),
+            waiting: self.streamed.then(VecDeque::new),
             thin: [Thin::to(self.said.most_readings); 4],
             ..Table::default()
         })
@@ -313,6 +318,7 @@ impl<'a> Blocks<'a> {
         match taking.piece(table, &mut self.source.text, layout) {
             Ok(Taken::Piece) => Ok(true),
             Ok(Taken::End(next)) => {
+                table.keep_all();
                 self.line = next;
                 Ok(false)
             }
@@ -364,7 +370,7 @@ impl<'a> Pieces<'a> {
     pub(super) fn open(path: &'a Path, said: &'a Selection, file_number: usize) -> Result<Self, TableError> {
         let no_table = || TableError::NoTable { path: path.to_owned() };
         let source = Source::of_file(path, &said.layout)?;
-        let mut blocks = Blocks { surveyed: true, ..Blocks::new(path, source, said, file_number) };
+        let mut blocks = Blocks { surveyed: true, streamed: true, ..Blocks::new(path, source, said, file_number) };
         for _ in 1..said.layout.block.unwrap_or(1) {
             // what is wrong with one that is not asked for was ignored before
             if let Some(Err(error @ TableError::Open { .. })) = blocks.next() {

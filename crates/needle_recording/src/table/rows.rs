@@ -9,6 +9,7 @@ use super::number::{measure, number};
 use super::text::Text;
 use super::{Clock, Table, TableError, clock};
 use crate::adapter::pose_of;
+use crate::order::DISORDER_NS;
 use needle_core::twin::Pose;
 use ros2_messages::geometry_msgs::Quaternion;
 
@@ -18,17 +19,19 @@ const HALF_A_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 const LONGEST_S: f64 = 9e9;
 /// A larger step back in time starts a new recording, ns.
 const AGAIN_NS: i64 = 1_000_000_000;
+/// Most rows that wait for earlier ones: 12 MB.
+const MOST_WAITING: usize = 1 << 16;
 const HALF_A_DAY_NS: i64 = 43_200_000_000_000;
 
 /// Content of a row.
-#[derive(Default)]
-struct Row {
+#[derive(Debug, Default)]
+pub(super) struct Row {
     stamp: Option<i64>,
-    depth_m: Option<f64>,
-    force_n: Option<[f64; 3]>,
-    pose: Option<Pose>,
-    markers: Option<Vec<[f64; 3]>>,
-    /// Whether a required cell is not a number.
+    pub depth_m: Option<f64>,
+    pub force_n: Option<[f64; 3]>,
+    pub pose: Option<Pose>,
+    pub markers: Option<Vec<[f64; 3]>>,
+    /// Whether a required cell is not a number, or the row ends before it.
     bad: bool,
 }
 
@@ -150,6 +153,8 @@ impl Cells<'_> {
 pub(super) struct Taking {
     columns: Columns,
     split: Splitter,
+    /// Number of cells below which a row was cut off.
+    least: usize,
     rate_hz: Option<f64>,
     /// Lines so far, from the beginning of the file.
     number: usize,
@@ -179,7 +184,9 @@ impl Taking {
         let number = line + layout.first_row;
         table.lines = [number + 1; 2];
         text.skip(layout.offset);
+        let needed = table.columns.indices().into_iter().filter(|column| !layout.is_often_empty(*column));
         Self {
+            least: needed.max().filter(|_| text.is_file).map_or(0, |last| last + 1),
             columns: table.columns.clone(),
             split: Splitter::new(layout.separator),
             rate_hz: table.rate_hz,
@@ -212,8 +219,17 @@ impl Taking {
                 continue;
             }
             self.split.split(raw, &mut cells);
+            if whole.len() == raw.len() && cells.last().is_some_and(|cell| cell.is_empty()) {
+                // the file ends behind a separator: the cell was to come
+                cells.pop();
+            }
             let of = Cells { cells: &cells, comma: layout.decimal_comma };
-            let mut row = of.row(&self.columns, self.rate_hz.map(|hz| self.passed as f64 / hz));
+            // the last cell of a row that was cut off may be a part of one
+            let cut = cells.len() < self.least;
+            let mut row = match cut {
+                true => Row { bad: true, ..Row::default() },
+                false => of.row(&self.columns, self.rate_hz.map(|hz| self.passed as f64 / hz)),
+            };
             row.stamp = row.stamp.map(|stamp| self.clock.unrolled(stamp));
             let back = row.stamp.zip(self.clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
             let words = row.bad && {
@@ -250,11 +266,11 @@ impl Taking {
                 let gap = self.gap.get_or_insert_with(begun);
                 gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
                 gap.bad += 1;
-                gap.first_bad.get_or_insert_with(|| shown(self.number, &cells));
+                gap.first_bad.get_or_insert_with(|| shown(self.number, &cells, cut));
                 gap.rows.push(row);
             } else {
                 table.bad += 1;
-                table.first_bad.get_or_insert_with(|| shown(self.number, &cells));
+                table.first_bad.get_or_insert_with(|| shown(self.number, &cells, cut));
                 table.add(row);
             }
             self.blank = false;
@@ -300,13 +316,32 @@ impl Table {
     }
 
     fn add(&mut self, row: Row) {
-        let Some(stamp) = row.stamp else { return };
-        let Row { depth_m, force_n, pose, markers, .. } = row;
-        self.usable |= depth_m.is_some() || pose.is_some() || force_n.is_some() || markers.is_some();
-        if let Some(survey) = &mut self.survey {
-            survey.note(stamp, depth_m, pose, force_n, markers);
-            return;
+        let has_sample = row.depth_m.is_some() || row.pose.is_some() || row.force_n.is_some() || row.markers.is_some();
+        let Some(stamp) = row.stamp.filter(|_| has_sample) else { return };
+        self.usable = true;
+        let Some(mut waiting) = self.waiting.take() else { return self.keep(stamp, row) };
+        let before_ns = waiting.back().map_or(0, |latest| latest.0.saturating_sub(stamp));
+        self.survey.iter_mut().for_each(|survey| survey.arrive(stamp, &row, before_ns));
+        let place = if before_ns > 0 { waiting.partition_point(|other| other.0 <= stamp) } else { waiting.len() };
+        waiting.insert(place, (stamp, row));
+        let latest = stamp.saturating_add(before_ns.max(0));
+        let is_over = |first: &(i64, Row)| latest.saturating_sub(first.0) > DISORDER_NS;
+        while waiting.len() > MOST_WAITING || waiting.front().is_some_and(is_over) {
+            waiting.pop_front().into_iter().for_each(|(stamp, row)| self.keep(stamp, row));
         }
+        self.waiting = Some(waiting);
+    }
+
+    /// Keeps the rows that waited for earlier ones.
+    pub(super) fn keep_all(&mut self) {
+        self.waiting.take().into_iter().flatten().for_each(|(stamp, row)| self.keep(stamp, row));
+    }
+
+    fn keep(&mut self, stamp: i64, row: Row) {
+        if let Some(survey) = &mut self.survey {
+            return survey.note(stamp, row);
+        }
+        let Row { depth_m, force_n, pose, markers, .. } = row;
         let [depths, forces, poses, seen] = &mut self.thin;
         depth_m.into_iter().for_each(|depth_m| depths.take(&mut self.depths, (stamp, depth_m)));
         force_n.into_iter().for_each(|force_n| forces.take(&mut self.forces, (stamp, force_n)));
@@ -326,8 +361,9 @@ impl Table {
                 column.name, column.unit
             )
         });
-        let reason =
-            format!("no row can be used: a cell that is needed is no number, or no time, first in {first}{time}");
+        let reason = format!(
+            "no row can be used: a cell that is needed is missing, no number or no time, first in {first}{time}"
+        );
         Err(TableError::Columns { file: self.file.clone(), reason, columns: self.all_columns.clone() })
     }
 }
@@ -349,6 +385,42 @@ impl Unrolled {
     }
 }
 
-fn shown(line: usize, cells: &[Cow<'_, str>]) -> String {
-    format!("line {line}: {}", cells.join(" | "))
+fn shown(line: usize, cells: &[Cow<'_, str>], cut: bool) -> String {
+    let end = if cut { format!(" (cut off before column {})", cells.len() + 1) } else { String::new() };
+    format!("line {line}: {}{end}", cells.join(" | "))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::Selection;
+    use std::path::Path;
+
+    /// Number of lost rows, the first of them, and the numbers of depths and forces.
+    fn read(text: &str) -> (u64, String, usize, usize) {
+        let table = Table::from_bytes(Path::new("t.csv"), text.as_bytes().to_vec(), &Selection::default(), 0).unwrap();
+        (table.bad, table.first_bad.unwrap_or_default(), table.depths.len(), table.forces.len())
+    }
+
+    #[test]
+    fn a_row_that_ends_before_a_needed_column_is_lost() {
+        let of = |row: &dyn Fn(u32) -> String| {
+            "Time (s),Depth (mm),Load (N),Comment\n".to_owned() + &(0..40).map(row).collect::<String>()
+        };
+        let plain = of(&|i| format!("{i},{i},1.5{i}\n"));
+        assert_eq!(read(&plain), (0, String::new(), 40, 40));
+        let cut = |behind: &str| plain[..plain.find(behind).unwrap() + behind.len()].to_owned();
+        let lost = |line: &str| (1, line.to_owned(), 39, 39);
+        assert_eq!(read(&cut("\n39,3")), lost("line 41: 39 | 3 (cut off before column 3)"));
+        assert_eq!(read(&cut("\n39,39,")), lost("line 41: 39 | 39 (cut off before column 3)"));
+        assert_eq!(read(&cut("\n39")), lost("line 41: 39 (cut off before column 2)"));
+        assert_eq!(read(&plain.replace("\n20,20,1.520", "\n20")), lost("line 22: 20 (cut off before column 2)"));
+        // a force at a lower rate, with separators and without
+        let slow = of(&|i| if i % 4 == 0 { format!("{i},{i},1.5\n") } else { format!("{i},{i},\n") });
+        assert_eq!(read(&slow), (0, String::new(), 40, 10));
+        assert_eq!(read(&slow.replace(",\n", "\n")), (0, String::new(), 40, 10));
+        // single empty cells are no reading, and no loss
+        assert_eq!(read(&plain.replace(",1.520\n", ",\n")), (0, String::new(), 40, 39));
+    }
 }

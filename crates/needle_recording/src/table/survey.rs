@@ -1,7 +1,8 @@
 //! What is known of a table's samples where they are not kept.
 
 use super::super::middle::Middle;
-use super::super::order::{DAY_NS, Ordered, Spread};
+use super::super::order::{DAY_NS, DISORDER_NS, Ordered, Spread};
+use super::rows::Row;
 use needle_core::twin::Pose;
 
 /// Stamps of a series.
@@ -24,6 +25,9 @@ pub(in super::super) struct Steps<V> {
     /// Whether two samples of one stamp differ.
     coarse: bool,
     last: Option<V>,
+    /// Stamp of the sample that came last in the file, and whether one was below that before it.
+    arrived: Option<i64>,
+    sorted: bool,
 }
 
 impl<V> Default for Steps<V> {
@@ -39,11 +43,19 @@ impl<V> Default for Steps<V> {
             disordered: false,
             coarse: false,
             last: None,
+            arrived: None,
+            sorted: false,
         }
     }
 }
 
 impl<V: PartialEq> Steps<V> {
+    /// Takes a stamp into account in the order of the file.
+    fn arrive(&mut self, stamp: i64) {
+        self.sorted |= self.arrived.replace(stamp).is_some_and(|before| stamp < before);
+    }
+
+    /// Takes a sample into account in the order of time.
     fn note(&mut self, stamp: i64, value: V) {
         let [first, last, most] = &mut self.sizes;
         if self.count > 0 && stamp == self.span[1] {
@@ -92,7 +104,7 @@ impl<V: PartialEq> Steps<V> {
         let spread = if self.coarse { repeated - one_time } else { 0 };
         let repeated = repeated - one_time - spread;
         let left = self.count - one_time - repeated;
-        (Ordered { spread, one_time, repeated, ..Ordered::untouched(Vec::new()) }, left)
+        (Ordered { sorted: self.sorted, spread, one_time, repeated, ..Ordered::untouched(Vec::new()) }, left)
     }
 
     /// Time of the first sample, ns.
@@ -120,18 +132,18 @@ pub(in super::super) struct Survey {
 }
 
 impl Survey {
-    /// Takes a row into account.
-    pub(super) fn note(
-        &mut self,
-        stamp: i64,
-        depth_m: Option<f64>,
-        pose: Option<Pose>,
-        force_n: Option<[f64; 3]>,
-        markers: Option<Vec<[f64; 3]>>,
-    ) {
-        if depth_m.is_some() || pose.is_some() || force_n.is_some() || markers.is_some() {
-            self.rows.note(stamp, ());
-        }
+    /// Takes a row into account in the order of the file. `before_ns`: how far it lies before the latest one.
+    pub(super) fn arrive(&mut self, stamp: i64, row: &Row, before_ns: i64) {
+        self.rows.disordered |= before_ns > DISORDER_NS;
+        row.depth_m.iter().for_each(|_| self.depths.arrive(stamp));
+        row.pose.iter().for_each(|_| self.poses.arrive(stamp));
+        row.force_n.iter().for_each(|_| self.forces.arrive(stamp));
+        row.markers.iter().for_each(|_| self.markers.arrive(stamp));
+    }
+
+    /// Takes a row into account in the order of time.
+    pub(super) fn note(&mut self, stamp: i64, Row { depth_m, pose, force_n, markers, .. }: Row) {
+        self.rows.note(stamp, ());
         depth_m.into_iter().for_each(|depth_m| self.depths.note(stamp, depth_m));
         pose.into_iter().for_each(|pose| self.poses.note(stamp, pose));
         markers.into_iter().for_each(|markers| self.markers.note(stamp, markers));

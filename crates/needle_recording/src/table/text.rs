@@ -16,6 +16,8 @@ pub(super) struct Text {
     source: Box<dyn Read>,
     decoder: Decoder,
     block: Vec<u8>,
+    /// Whether it is a file's own text, in which a row may be cut off.
+    pub(super) is_file: bool,
     /// What was read and not taken.
     text: String,
     begun: bool,
@@ -49,12 +51,13 @@ impl Text {
 
     /// A text that is made here as it is read, UTF-8.
     pub(crate) fn made(source: impl Read + 'static) -> Self {
-        Self::new(Box::new(source), UTF_8)
+        Self { is_file: false, ..Self::new(Box::new(source), UTF_8) }
     }
 
     fn new(source: Box<dyn Read>, encoding: &'static Encoding) -> Self {
         let decoder = encoding.new_decoder_without_bom_handling();
-        Self { source, decoder, block: vec![0; BLOCK], text: String::new(), begun: false, returns: false, ended: false }
+        let (block, text) = (vec![0; BLOCK], String::new());
+        Self { source, decoder, block, is_file: true, text, begun: false, returns: false, ended: false }
     }
 
     /// Reads on; the marks that may stand before a text are no part of it.
