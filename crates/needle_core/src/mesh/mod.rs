@@ -6,7 +6,7 @@
 //! .vtu ─► vtu ─┘
 //! .stl ─► stl ─────────────► skin (closed? outward?) ─► Cloud without cells
 //! ```
-//! An .msh or .vtu of triangles alone takes the way of an .stl.
+//! An .msh or .vtu of triangles alone is read as an .stl is.
 //!
 //! Nothing is allocated by what a file declares, only by what it holds: at most about 64 bytes per byte of the file.
 

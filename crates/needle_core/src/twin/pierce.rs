@@ -22,8 +22,8 @@ const ADAPT: u32 = 4;
 
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64, in_space: bool) -> f64 {
-    // a pose that is as long but for round-off is one stride: with two now and then there are a tenth more steps. In a half plane they are not
-    // in vain
+    // a pose that is as long but for round-off is one stride: with two now and then there are a tenth more steps. In a half plane fewer strides
+    // cost more steps (docs/lab/friction.md)
     let shortest = if in_space { STRIDE_IN_SPACE * (1.0 + 1e-6) } else { STRIDE } * radius;
     (length / STRIDES).clamp(shortest, 10.0 * STRIDE * radius)
 }

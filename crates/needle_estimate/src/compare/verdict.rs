@@ -150,7 +150,7 @@ impl Verdict {
             return "too little was measured to judge the model by".to_owned();
         }
         if self.has_hole && self.explains == Explains::InPart {
-            return format!("no verdict on the whole: the recording has a hole{}", chi.replace("(", "(beside it "));
+            return format!("no verdict on the whole: the recording has a hole{}", chi.replace("(", "(outside of it "));
         }
         format!("{}{chi}", self.explains.sentence())
     }
