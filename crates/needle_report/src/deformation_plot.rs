@@ -23,7 +23,11 @@ pub(super) fn deformation_plot(run: &Run) -> Option<Picture> {
     let mut picture = Picture::new(WIDTH, HEIGHT);
     let panel = Panel { frame: FRAME, x, y };
     panel.grid(&mut picture, true);
-    panel.title(&mut picture, "Deformation coefficient: displacement of the tissue at the shaft over that of the needle", 11.0);
+    panel.title(
+        &mut picture,
+        "Deformation coefficient: displacement of the tissue at the shaft over that of the needle",
+        11.0,
+    );
     panel.curve(&mut picture, points(), PENS[0]);
     panel.curve(&mut picture, paper, PENS[1]);
     legend(&mut picture, [FRAME[0], 24.0], &[("computed from friction", PENS[0]), ("source paper: 0.4", PENS[1])]);
