@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::atomic::{AtomicU16, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -112,10 +113,14 @@ pub fn free_domain() -> u16 {
     }
 }
 
+/// How long a condition may take to come true on a machine that others keep busy. A test that passes waits a fraction of it.
+const PATIENCE: Duration = Duration::from_secs(20);
+
 /// A started program; killed when dropped.
 pub struct Program {
     child: Child,
-    log: std::thread::JoinHandle<String>,
+    log: std::thread::JoinHandle<()>,
+    text: Arc<Mutex<String>>,
 }
 
 impl Program {
@@ -136,16 +141,31 @@ impl Program {
         }
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let stderr = BufReader::new(child.stderr.take().unwrap());
+        let text: Arc<Mutex<String>> = Arc::default();
+        let said = text.clone();
         let log = std::thread::spawn(move || {
-            let mut text = String::new();
             for line in stderr.lines().map_while(Result::ok) {
                 eprintln!("    | {line}");
-                text.push_str(&line);
-                text.push('\n');
+                let mut said = said.lock().unwrap();
+                said.push_str(&line);
+                said.push('\n');
             }
-            text
         });
-        Self { child, log }
+        Self { child, log, text }
+    }
+
+    /// Waits until its log has these words, or for as long as the busiest machine may need. The assertion is the caller's.
+    pub fn wait_for(&self, words: &str) {
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE && !self.text.lock().unwrap().contains(words) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// What it has logged to its end.
+    fn logged(&mut self) -> String {
+        std::mem::replace(&mut self.log, std::thread::spawn(|| ())).join().unwrap();
+        std::mem::take(&mut self.text.lock().unwrap())
     }
 
     pub fn id(&self) -> u32 {
@@ -159,23 +179,20 @@ impl Program {
         assert!(killed.success());
         let status = self.wait(Duration::from_secs(10));
         let took = begun.elapsed();
-        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
-        (status, log.join().unwrap(), took)
+        (status, self.logged(), took)
     }
 
     /// Exit code and log of a program that may have ended by itself; `None` if it had to be killed.
     pub fn end(mut self) -> (Option<i32>, String) {
         let code = self.child.try_wait().unwrap().map(|status| status.code().unwrap_or(-1));
         let _ = self.child.kill();
-        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
-        (code, log.join().unwrap())
+        (code, self.logged())
     }
 
     /// Waits for a program that ends by itself: exit code and what it logged.
     pub fn ended(mut self) -> (Option<i32>, String) {
         let code = self.wait(Duration::from_secs(60));
-        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
-        (code, log.join().unwrap())
+        (code, self.logged())
     }
 
     fn wait(&mut self, timeout: Duration) -> Option<i32> {
@@ -268,6 +285,21 @@ impl Peer {
             "op": "steps", "topic": "/measured_js", "joint": "insertion", "poses": poses, "answers": "/predicted_cf",
         }));
         answer["forces"].as_array().unwrap().iter().map(Value::as_f64).collect()
+    }
+
+    /// The newest message of a topic, once it is as wanted; after [`PATIENCE`] the newest as it is, for the caller's assertion to show.
+    pub fn until(&mut self, topic: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        let (begun, mut newest) = (Instant::now(), Value::Null);
+        while begun.elapsed() < PATIENCE {
+            let heard = self.ask(serde_json::json!({"op": "last", "topic": topic, "seconds": 0.1}))["message"].clone();
+            if !heard.is_null() {
+                newest = heard;
+            }
+            if wanted(&newest) {
+                break;
+            }
+        }
+        newest
     }
 
     /// The newest `status`.

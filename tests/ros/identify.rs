@@ -258,7 +258,7 @@ fn the_node_publishes_what_it_identifies_in_comparison_and_diagnostics() {
     assert!((value / 1678.0 - 1.0).abs() < 0.05 && error < 0.03 * value, "{last}");
     assert!(number("identified_values", 1).abs() < 2e-3, "{last}");
     assert_eq!((&last["identification"], &last["identification_reason"]), (&json!(2), &json!("")), "{last}");
-    let diagnostics = peer.ask(json!({"op": "last", "topic": "/diagnostics", "seconds": 2.0}))["message"].clone();
+    let diagnostics = peer.until("/diagnostics", |d| !d.is_null());
     let said = diagnostics["status"].as_array().unwrap().iter().find(|s| s["name"] == "twin: identification").unwrap();
     assert_eq!(said["message"], "OK", "{said}");
     let (_, log, _) = node.stop("INT");

@@ -181,7 +181,7 @@ fn rig_and_twin_exchange_over_the_network_and_the_stamps_are_the_recordings() {
     let stamps: Vec<i64> = forces.iter().map(|f| nanos(&f["header"]["stamp"])).collect();
     assert!(stamps.windows(2).all(|w| w[0] < w[1]), "in order, none twice");
     assert!(stamps.iter().all(|t| (t - START) % 10_000_000 == 0), "only stamps of recorded poses");
-    let compared = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.5}))["message"].clone();
+    let compared = peer.until("/comparison", |c| c["valid"] == true);
     assert_eq!(compared["valid"], true, "{compared}");
     let (code, log, _) = twin.stop("INT");
     assert_eq!(code, Some(0), "{log}");

@@ -188,7 +188,8 @@ fn a_qos_that_does_not_fit_is_said_with_the_remedy_and_the_remedy_works() {
         json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState", "qos": "best_effort"}),
     );
     peer.ask(json!({"op": "advertise", "topic": "/measured_cp", "type": "sensor_msgs/msg/JointState"}));
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    node.wait_for("-p qos_overrides./measured_js.subscription.reliability:=best_effort");
+    node.wait_for("JointState, and");
     let (_, log, _) = node.stop("INT");
     assert!(log.contains("-p qos_overrides./measured_js.subscription.reliability:=best_effort"), "{log}");
     assert!(log.contains("/measured_cp") && log.contains("JointState"), "a foreign type is said too: {log}");
@@ -204,7 +205,7 @@ fn without_input_it_says_what_it_waits_for() {
     let domain = free_domain();
     let node =
         Program::start(TWIN, &["--ros-args", "-p", "scene:=compression", "-r", "measured_js:=/rig/depth"], domain, &[]);
-    std::thread::sleep(std::time::Duration::from_secs(7));
+    node.wait_for("waiting for");
     let (code, log, _) = node.stop("TERM");
     assert_eq!(code, Some(0));
     let line = log.lines().find(|l| l.contains("waiting for")).unwrap_or_else(|| panic!("{log}"));

@@ -57,7 +57,7 @@ fn every_pose_is_answered_with_its_own_stamp_and_the_tissue_follows() {
     let last = number(&forces.last().unwrap()[2]);
     assert!(last > 0.0, "an insertion along -z is pushed back along +z, got {last} N");
 
-    let state = peer.ask(json!({"op": "last", "topic": "/tissue_state", "seconds": 1.0}))["message"].clone();
+    let state = peer.until("/tissue_state", |state| !state.is_null());
     assert_eq!(state["model_id"], model["model_id"]);
     let points = model["reference_points"].as_array().unwrap();
     let displacements = state["displacements"].as_array().unwrap();
@@ -87,7 +87,7 @@ fn services_reset_and_tare_answer() {
         "op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 20, "rate_hz": 20.0, "depth_m": 0.0004,
         "force_topic": "/measured_cf", "force_n": 0.25, "answers": "/predicted_cf",
     }));
-    let before = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.5}))["message"].clone();
+    let before = peer.until("/comparison", |c| c["valid"] == true);
     assert_eq!(before["valid"], true, "{before}");
     assert!((number(&before["measured_n"]) - 0.25).abs() < 1e-12, "{before}");
     let residual = number(&before["predicted_n"]) - number(&before["measured_n"]);
@@ -103,13 +103,13 @@ fn services_reset_and_tare_answer() {
         "depth_m": 0.0005, "force_topic": "/measured_cf", "force_n": 0.25, "answers": "/predicted_cf",
     });
     peer.ask(again);
-    let after = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.5}))["message"].clone();
+    let after = peer.until("/comparison", |c| c["valid"] == true && number(&c["measured_n"]).abs() < 1e-12);
     assert!(number(&after["measured_n"]).abs() < 1e-12, "{after}");
     assert!((number(&after["measured_force_n"]["z"]) - 0.25).abs() < 1e-12, "the raw reading is published too");
 
     let reset = peer.ask(json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"}));
     assert_eq!(reset["response"]["success"], true);
-    let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 1.0}))["message"].clone();
+    let status = peer.until("/status", |s| s["poses_answered"] == 0);
     assert_eq!(status["poses_answered"], 0, "counts start anew: {status}");
     drop(node);
 }
@@ -136,12 +136,12 @@ fn what_is_no_pose_is_refused_counted_and_stops_nothing() {
     let answers = peer.ask(json!({"op": "take", "topic": "/predicted_cf", "timeout": 5.0}))["messages"].clone();
     assert_eq!(answers.as_array().unwrap().len(), 1, "{answers}");
     assert_eq!(answers[0]["header"]["stamp"]["sec"], now + 1);
-    let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.6}))["message"].clone();
+    let status = peer.until("/status", |s| s["poses_rejected"] == 5 && s["poses_answered"] == 1);
     assert_eq!(status["poses_rejected"], 5, "{status}");
     assert_eq!(status["poses_answered"], 1, "{status}");
 
     // No pose for longer than input_timeout_s: said, and no force is repeated.
-    let later = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 1.0}))["message"].clone();
+    let later = peer.until("/status", |s| s["health"] == 3);
     assert_eq!(later["health"], 3, "{later}");
     assert_eq!(later["prediction_valid"], false);
     let silence = peer.ask(json!({"op": "last", "topic": "/predicted_cf", "seconds": 0.5}));

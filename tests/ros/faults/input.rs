@@ -124,7 +124,7 @@ fn ten_seconds_of_silence_are_said_and_what_was_not_seen_of_the_way() {
     assert!(silent["health"] == 3 && silent["prediction_valid"] == false, "{silent}");
     assert!(silent["reasons"].to_string().contains("input lost: no pose for"), "{silent}");
     assert!(peer.steps(&[(START + 10 * SECOND, 8e-4)])[0].is_some(), "and on it goes");
-    let said = peer.ask(json!({"op": "last", "topic": "/diagnostics", "seconds": 1.5}))["message"].to_string();
+    let said = peer.until("/diagnostics", |d| d.to_string().contains(r#""value":"0.000700""#)).to_string();
     assert!(said.contains(r#""key":"times without a pose","value":"1""#), "{said}");
     assert!(said.contains(r#""key":"way not seen (m)","value":"0.000700""#), "{said}");
     let (_, log, _) = node.stop("INT");
@@ -136,9 +136,10 @@ fn a_first_pose_inside_the_sample_is_no_beginning() {
     let domain = free_domain();
     let (node, mut peer) = connected_twin(domain, &[]);
     assert!(peer.steps(&[(START, 0.002)])[0].is_some());
-    let status = peer.status();
+    let status = peer.until("/status", |s| s["health"] == 1);
     assert!(status["health"] == 1 && status["reasons"].to_string().contains("0.0020 m deep already"), "{status}");
     assert!(peer.steps(&[(START + SECOND / 10, 0.001), (START + SECOND / 5, -1e-4)]).iter().all(Option::is_some));
-    assert_eq!(peer.status()["reasons"], json!([]), "outside, there is no history to miss");
+    let status = peer.until("/status", |s| s["reasons"] == json!([]));
+    assert_eq!(status["reasons"], json!([]), "outside, there is no history to miss");
     drop(node);
 }

@@ -8,7 +8,12 @@ const START: i64 = 1_700_000_000_000_000_000;
 const POSES: i64 = 50;
 
 /// An insertion by 1 mm at 20 Hz with a load cell that says `cell(i)`: forces, and the last comparison and status.
-fn run(peer: &mut Peer, number: i64, cell: impl Fn(i64) -> Option<[Value; 3]>) -> (Vec<f64>, Value, Value) {
+fn run(
+    peer: &mut Peer,
+    number: i64,
+    (code, reason): (u64, &str),
+    cell: impl Fn(i64) -> Option<[Value; 3]>,
+) -> (Vec<f64>, Value, Value) {
     let reset = peer.ask(json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"}));
     assert_eq!(reset["response"]["success"], true);
     // each run later than the one before: a stamp that goes back is a straggler
@@ -20,8 +25,9 @@ fn run(peer: &mut Peer, number: i64, cell: impl Fn(i64) -> Option<[Value; 3]>) -
         "wrench_topic": "/measured_cf", "wrenches": wrenches,
     }));
     let forces = answer["forces"].as_array().unwrap().iter().map(|f| f.as_f64().expect("answered")).collect();
-    let comparison = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 0.4}))["message"].clone();
-    let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.1}))["message"].clone();
+    let of_this_run = |c: &Value| c["header"]["stamp"]["sec"].as_i64() >= Some(begin / 1_000_000_000);
+    let comparison = peer.until("/comparison", |c| of_this_run(c) && c["load_cell"] == code);
+    let status = peer.until("/status", |s| s["reasons"].to_string().contains(reason));
     (forces, comparison, status)
 }
 
@@ -34,9 +40,9 @@ fn the_comparison_says_what_is_wrong_and_the_prediction_is_the_same() {
     peer.ask(json!({"op": "subscribe", "topic": "/comparison", "type": "needle_twin/msg/ForceComparison"}));
     let matched = peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cf", "/comparison"]}));
     assert_eq!(matched["missing"], json!([]));
-    let (truth, ..) = run(&mut peer, 0, |_| None);
+    let (truth, ..) = run(&mut peer, 0, (1, ""), |_| None);
     let right = |i: i64| [json!(0.0), json!(0.0), json!(truth[i as usize])];
-    let (_, sound, _) = run(&mut peer, 1, |i| Some(right(i)));
+    let (_, sound, _) = run(&mut peer, 1, (0, ""), |i| Some(right(i)));
     assert!(sound["valid"] == true && sound["residual_n"].as_f64().unwrap().abs() < 1e-6, "{sound}");
     type Cell<'a> = &'a dyn Fn(i64) -> Option<[Value; 3]>;
     let cases: [(&str, Cell, u64, &str); 5] = [
@@ -47,7 +53,7 @@ fn the_comparison_says_what_is_wrong_and_the_prediction_is_the_same() {
         ("is off by 0.5 N", &|i| Some([json!(0.0), json!(0.0), json!(truth[i as usize] + 0.5)]), 0, "not tared"),
     ];
     for (number, (fault, cell, code, reason)) in (2..).zip(cases) {
-        let (forces, comparison, status) = run(&mut peer, number, cell);
+        let (forces, comparison, status) = run(&mut peer, number, (code, reason), cell);
         assert_eq!(comparison["load_cell"], code, "{fault}: {comparison}");
         assert_eq!(comparison["valid"], code == 0, "{fault}: {comparison}");
         let said = status["reasons"].to_string();

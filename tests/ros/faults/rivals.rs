@@ -46,7 +46,7 @@ fn a_second_twin_is_named_by_both_and_neither_vouches_until_it_has_gone() {
     until(&mut peer, second.id(), "contested", |s| names(s, first.id()));
     // words of before have outlived their lifespan, and the middleware has dropped them
     heard(&mut peer, "/status");
-    let safety = peer.ask(json!({"op": "last", "topic": "/safety", "seconds": 0.3}))["message"].clone();
+    let safety = peer.until("/safety", |s| s["reasons"].to_string().contains("another twin ("));
     assert!(safety["safe"] == false && safety["reasons"].to_string().contains("another twin ("), "{safety}");
     assert!(json!(heard(&mut peer, "/diagnostics")).to_string().contains("another twin"));
     signal(second.id(), "KILL");

@@ -35,7 +35,8 @@ fn the_tip_goes_with_the_poses_and_the_load_cell_with_the_tip() {
     peer.ask(json!({"op": "subscribe", "topic": "/tf", "type": TF}));
     peer.connect();
     assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/tf"]}))["missing"], json!([]));
-    // 500 Hz for 0.4 s
+    // 500 Hz for 0.4 s, longer on a busy machine
+    let begun = std::time::Instant::now();
     for i in 0..200_i64 {
         let stamp = 1_700_000_000_000_000_000 + 2_000_000 * i;
         let value = joint_state(stamp / 1_000_000_000, stamp % 1_000_000_000, 1e-6 * i as f64);
@@ -44,7 +45,8 @@ fn the_tip_goes_with_the_poses_and_the_load_cell_with_the_tip() {
     }
     let moved = peer.ask(json!({"op": "last", "topic": "/tf", "seconds": 0.5}));
     let count = moved["count"].as_u64().unwrap();
-    assert!((10..=150).contains(&count), "{count} of 200 poses");
+    let most = 20 + (begun.elapsed().as_secs_f64() * 100.0) as u64;
+    assert!((10..=most.min(200)).contains(&count), "{count} of 200 poses, at most {most} at 100 Hz");
     let stamp = &moved["message"]["transforms"][0]["header"]["stamp"];
     assert_eq!(*stamp, json!({"sec": 1_700_000_000, "nanosec": 398_000_000}), "the last pose and its stamp");
     let [(parent, child, shift, turn)] = &transforms(&json!([moved["message"]]))[..] else { panic!("{moved}") };

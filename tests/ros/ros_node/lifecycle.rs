@@ -71,7 +71,7 @@ fn a_manager_takes_the_node_through_its_life() {
     assert_eq!(late.as_array().unwrap().len(), 1, "a late joiner has it");
 
     assert_eq!(answers(&mut peer, 1_700_000_000), 0, "inactive is silent");
-    let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.4}))["message"].clone();
+    let status = peer.until("/status", |s| s["reasons"].to_string().contains("inactive"));
     assert_eq!((&status["prediction_valid"], &status["poses_received"]), (&json!(false), &json!(0)), "{status}");
     assert!(status["reasons"][0].as_str().unwrap().contains("inactive"), "{status}");
     assert!(change(&mut peer, "activate"));

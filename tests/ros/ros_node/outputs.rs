@@ -65,9 +65,9 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
     }
     let said = peer.ask(json!({"op": "take", "topic": "/region"}));
     let region = said["messages"].as_array().unwrap().last().unwrap()["data"].clone();
-    let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.5}))["message"].clone();
+    let status = peer.until("/status", |s| s["region"] == region);
     assert_eq!([&region, &status["region"]], [&json!("skin"); 2]);
-    let cloud = peer.ask(json!({"op": "last", "topic": "/tissue_points", "seconds": 0.5}))["message"].clone();
+    let cloud = peer.until("/tissue_points", |cloud| !cloud.is_null());
     let points = model["reference_points"].as_array().unwrap();
     assert_eq!(
         (cloud["header"]["frame_id"].as_str(), cloud["width"].as_u64()),
@@ -77,11 +77,11 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
     let sunk = points.iter().zip(&z).map(|(p, z)| number(&p["z"]) - f64::from(*z)).fold(0.0, f64::max);
     assert!(sunk > 2e-4, "the top goes down with the plate: {sunk} m");
     assert!(moved.iter().all(|u| u.is_finite()) && column(&cloud, "jacobian").iter().all(|j| *j > 0.0));
-    let surface = peer.ask(json!({"op": "last", "topic": "/tissue_surface", "seconds": 0.5}))["message"].clone();
+    let surface = peer.until("/tissue_surface", |surface| !surface.is_null());
     let corners = model["surface_triangles"].as_array().unwrap().len();
     assert_eq!((&surface["type"], surface["points"].as_array().unwrap().len()), (&json!(11), corners));
     assert_eq!(surface["colors"].as_array().unwrap().len(), corners);
-    let targets = peer.ask(json!({"op": "last", "topic": "/targets", "seconds": 0.5}))["message"].clone();
+    let targets = peer.until("/targets", |targets| !targets.is_null());
     let lesion = number(&targets["poses"][0]["position"]["z"]);
     assert!(lesion < 0.012 - 5e-5 && lesion > 0.010, "the lesion goes with the tissue: {lesion}");
     let (code, log, _) = node.stop("INT");

@@ -12,8 +12,8 @@ fn tick(peer: &mut Peer, sec: i64, nanosec: i64) {
     }
 }
 
-fn status(peer: &mut Peer) -> Value {
-    peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.5}))["message"].clone()
+fn status(peer: &mut Peer, wanted: impl Fn(&Value) -> bool) -> Value {
+    peer.until("/status", wanted)
 }
 
 fn pose(peer: &mut Peer, sec: i64, nanosec: i64) -> Value {
@@ -36,25 +36,25 @@ fn pauses_pause_and_a_jump_back_resets() {
     peer.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}));
     let topics = ["/clock", "/measured_js", "/predicted_cf", "/status"];
     assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
-    let before = status(&mut peer);
+    let before = status(&mut peer, |s| s["reasons"].to_string().contains("/clock has not said anything"));
     assert!(before["reasons"].to_string().contains("/clock has not said anything"), "{before}");
 
     tick(&mut peer, 1000, 0);
     assert_eq!(pose(&mut peer, 1000, 5), json!({"sec": 1000, "nanosec": 5}), "the stamp of the pose");
     // Paused for longer than the input may be silent: no time has gone by.
     std::thread::sleep(std::time::Duration::from_millis(700));
-    let paused = status(&mut peer);
+    let paused = status(&mut peer, |s| s["health"] == 0);
     assert_eq!((&paused["health"], &paused["prediction_valid"]), (&json!(0), &json!(true)), "{paused}");
     tick(&mut peer, 1000, 10_000_000);
     assert_eq!(pose(&mut peer, 1000, 10_000_005)["nanosec"], 10_000_005, "the pause is over");
     // Time goes on, poses don't.
     tick(&mut peer, 1002, 0);
-    let lost = status(&mut peer);
+    let lost = status(&mut peer, |s| s["health"] == 3);
     assert_eq!((&lost["health"], &lost["prediction_valid"]), (&json!(3), &json!(false)), "{lost}");
     assert_eq!(pose(&mut peer, 1002, 7)["nanosec"], 7, "and they come again");
 
     tick(&mut peer, 10, 0);
-    let reset = status(&mut peer);
+    let reset = status(&mut peer, |s| s["poses_received"] == 0);
     assert_eq!((&reset["poses_received"], &reset["poses_rejected"]), (&json!(0), &json!(0)), "{reset}");
     assert_eq!(pose(&mut peer, 10, 9), json!({"sec": 10, "nanosec": 9}));
     let (code, log, _) = node.stop("INT");
@@ -75,7 +75,7 @@ fn two_clocks_are_said() {
         );
         peer.ask(json!({"op": "wait_matched", "topics": ["/clock"]}));
     }
-    std::thread::sleep(std::time::Duration::from_millis(300));
+    node.wait_for("/clock has 2 publishers");
     let (_, log, _) = node.stop("INT");
     assert!(log.contains("/clock has 2 publishers") && log.contains("-r /clock:=clock"), "{log}");
 }
