@@ -125,11 +125,12 @@ fn value_json(value: Value) -> serde_json::Value {
     }
 }
 
-fn default_of(key: &Key) -> &'static str {
-    match key.default {
-        Some("") => "empty",
-        Some(default) => default,
-        None => "required",
+fn default_of(key: &Key) -> String {
+    match (key.follows, key.default) {
+        (Some(other), _) => format!("that of {other}"),
+        (None, Some("")) => "empty".to_owned(),
+        (None, Some(default)) => default.to_owned(),
+        (None, None) => "required".to_owned(),
     }
 }
 
@@ -156,6 +157,7 @@ fn keys_json() -> String {
             "key": key.shown_path(),
             "allowed": key.allowed(),
             "default": key.default,
+            "follows": key.follows,
             "required": key.default.is_none(),
             "unit": key.unit,
             "only_with": key.only_with.map(|(selector, words)| json!({ "key": selector, "values": words })),

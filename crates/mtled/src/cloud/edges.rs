@@ -305,10 +305,13 @@ fn too_close(domain: &Domain, spacing: &Spacing, nodes: &Nodes) -> Result<(), Cl
     let mut grid = crate::grid::Grid::new(low, high, nodes.points.len());
     for &p in &nodes.points {
         let h = spacing.at(domain, p);
-        if grid.any(&nodes.points, p, 0.4 * h, |_, _| true) {
-            let reason =
-                format!("two edges or features come closer to each other than half the spacing {h} m at {p:?} m");
-            return Err(CloudError::NotMeshable { reason });
+        let mut other = p;
+        let is_other = |j: u32, _: f64| {
+            other = nodes.points[j as usize];
+            true
+        };
+        if grid.any(&nodes.points, p, 0.4 * h, is_other) {
+            return Err(CloudError::too_close(p, other, h));
         }
         grid.push(p);
     }

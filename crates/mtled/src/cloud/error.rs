@@ -1,5 +1,7 @@
 //! What can be wrong with a wanted or an imported cloud.
 
+use crate::vector::Point;
+
 /// Why a cloud was refused: what, where, and what to do about it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CloudError {
@@ -40,4 +42,16 @@ pub enum CloudError {
     /// A cloud (imported, say) breaks a rule of [`super::check`].
     #[error("cloud refused: {0}")]
     Invalid(#[from] super::check::Fault),
+}
+
+impl CloudError {
+    /// Nodes at `p` and `q` that edges or features ask for, closer to each other than the spacing h there allows.
+    pub(crate) fn too_close(p: Point, q: Point, h: f64) -> Self {
+        let [p, q] = [p, q].map(|[x, y, z]| format!("({:.3}, {:.3}, {:.3}) mm", 1e3 * x, 1e3 * y, 1e3 * z));
+        let reason = format!(
+            "edges or features ask for nodes at {p} and {q}, less than half of the spacing of {:.3} mm apart",
+            1e3 * h
+        );
+        Self::NotMeshable { reason }
+    }
 }

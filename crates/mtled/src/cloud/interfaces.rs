@@ -208,7 +208,10 @@ pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes)
                 let bits = spacing.touching(domain, p);
                 // a path's own nodes stand where it passes the boundary
                 let free = !domain.is_half() || !Packing::new(domain, spacing).reserved(p);
-                if inside && free && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
+                // where a sphere comes nearer to base or top than nodes are apart, these have its nodes
+                let gap = p[2].min(domain.height() - p[2]);
+                let apart_from_faces = !matches!(solid, Solid::Sphere { .. }) || gap > 0.5 * spacing.at(domain, p);
+                if inside && free && apart_from_faces && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
                     nodes.push(p, faces, true);
                 }
             }

@@ -16,7 +16,7 @@ use super::nodes::equidistribute;
 use super::order::hilbert_order;
 use super::packing::Packing;
 use super::path::path_shape;
-use super::solid::changes;
+use super::solid::{Curve, changes};
 use super::spacing::{Feature, MAX_NODES, Spacing};
 use super::triangulate::{orient, triangulate};
 use crate::grid::Grid;
@@ -36,6 +36,8 @@ const REFRESH: usize = 6;
 const SWEEPS: usize = 2;
 /// Lowest shape of a triangle, 4 √3 area over the sum of its squared edges: 1 if equilateral, 0 if flat.
 pub(crate) const LEAST_SHAPE: f64 = 0.35;
+/// Distance from an interface at which the regions on its sides are looked up, over the smaller of radius and height.
+const OFF: f64 = 1e-6;
 /// Nodes per square of the spacing in a dense packing, 2/√3.
 const DENSITY: f64 = 1.1547;
 
@@ -197,8 +199,8 @@ impl Plane<'_> {
         top.push(r);
         points.extend(marks.iter().map(|&m| [m, 0.0, h]));
         let ends = self.interfaces([inner, floor], &mut points);
-        for ends in top.windows(2) {
-            self.line([ends[0], 0.0, h], [ends[1], 0.0, h], &mut points);
+        for between in top.windows(2) {
+            self.broken_line([between[0], 0.0, h], [between[1], 0.0, h], &ends, &mut points);
         }
         self.broken_line([0.0, 0.0, 0.0], [r, 0.0, 0.0], &ends, &mut points);
         self.broken_line([r, 0.0, 0.0], [r, 0.0, h], &ends, &mut points);
@@ -212,7 +214,7 @@ impl Plane<'_> {
     fn interfaces(&self, [inner, floor]: [f64; 2], points: &mut Vec<Point>) -> Vec<Point> {
         let mut ends: Vec<Point> = Vec::new();
         let mut stretches = Vec::new();
-        let off = 1e-6 * self.radius.min(self.height);
+        let off = OFF * self.radius.min(self.height);
         for curve in self.spacing.solids().flat_map(|solid| solid.curves(self.radius)) {
             // the regions on both sides, if they differ
             let sides = |t: f64| {
@@ -239,7 +241,12 @@ impl Plane<'_> {
         for (curve, [a, b]) in stretches {
             let piece = |t: f64| curve.at(a + t * (b - a));
             for t in equidistribute(self.domain, self.spacing, &piece, false, 1) {
-                self.push_apart(piece(t), points);
+                let p = piece(t);
+                // where a sphere comes nearer to base or top than nodes are apart, these have its nodes
+                let gap = p[2].min(self.height - p[2]);
+                if !matches!(curve, Curve::Arc { .. }) || gap > 0.5 * self.h(p) {
+                    self.push_apart(p, points);
+                }
             }
         }
         ends
@@ -247,7 +254,8 @@ impl Plane<'_> {
 
     /// A point on the axis or an edge of the half plane to the last digit, if it is there at all.
     fn snapped(&self, [r, y, z]: Point) -> Point {
-        let near = 1e-7 * self.radius.min(self.height);
+        // an interface is followed to a distance of `OFF` from base and top
+        let near = 2.0 * OFF * self.radius.min(self.height);
         let snap = |x: f64, to: f64| if (x - to).abs() < near { to } else { x };
         [snap(snap(r, 0.0), self.radius), y, snap(snap(z, 0.0), self.height)]
     }
@@ -290,10 +298,13 @@ impl Plane<'_> {
         let grid = self.grid(points);
         for (i, &p) in points.iter().enumerate() {
             let h = self.h(p);
-            if grid.any(points, p, 0.4 * h, |j, _| j as usize != i) {
-                let reason =
-                    format!("two edges or features come closer to each other than half the spacing {h} m at {p:?} m");
-                return Err(CloudError::NotMeshable { reason });
+            let mut other = p;
+            let is_other = |j: u32, _: f64| {
+                other = points[j as usize];
+                j as usize != i
+            };
+            if grid.any(points, p, 0.4 * h, is_other) {
+                return Err(CloudError::too_close(p, other, h));
             }
         }
         Ok(())

@@ -14,6 +14,9 @@ const FOLDING: f64 = 0.55;
 /// Depth over the sample's height that every `volume_ratio` reaches; the shallowest run without the projected one ended
 /// at 0.29 (`docs/lab/stability.md`).
 const ANY_VOLUME_RATIO: f64 = 0.28;
+/// Deformation coefficient up to which a kinematic needle goes in and out, in a half plane and in space: what is captured goes with the needle
+/// and presses what lies before it, until cells invert (`docs/stability.md`).
+const MOST_TAKEN_ALONG: [f64; 2] = [0.75, 0.6];
 /// Speed over that of a shear wave from which inertia, (v / c)^2 of the stress, is a per cent of the force.
 const QUASI_STATIC: f64 = 0.1;
 /// Compression of the base under the sample's own weight, rho g H / E, above which the scanned shape can't be taken for the unloaded one.
@@ -65,6 +68,12 @@ impl Scene {
             InstrumentKind::Needle(needle) if needle.deformation_rule == DeformationRule::Absolute => {
                 pushed_ahead(needle.deformation_coefficient * depth)
             }
+            InstrumentKind::Needle(needle) if !instrument.is_frictional() => {
+                let in_plane = self.dimension().dimension == Dimension::Axisymmetric;
+                taken_along(needle.deformation_coefficient, MOST_TAKEN_ALONG[usize::from(!in_plane)])
+                    .into_iter()
+                    .collect()
+            }
             InstrumentKind::Needle(_) => Vec::new(),
             InstrumentKind::Plate | InstrumentKind::Indenter { .. } => {
                 let height = self.sample.shape.height().map_or(f64::INFINITY, |h| h.get());
@@ -90,6 +99,15 @@ impl Scene {
                 .to_owned()
         })
     }
+}
+
+fn taken_along(coefficient: f64, most: f64) -> Option<String> {
+    (coefficient > most).then(|| {
+        format!(
+            "instrument.deformation_coefficient = {coefficient} crushes the tissue before the tip: above {most} such runs lose their \
+             solution. Tissue that sticks so much is what instrument.interaction = \"frictional\" is for"
+        )
+    })
 }
 
 fn pushed_ahead(push: f64) -> Vec<String> {
@@ -143,6 +161,11 @@ mod tests {
         assert!(advice("indentation", &back).contains("instrument.wall_contact = true"));
         assert_eq!(advice("indentation", &[back[0], back[2]]), "");
         assert_eq!(advice("indentation", &back[..2]), "");
+        let along = |value| ("instrument.deformation_coefficient", value);
+        assert!(advice("needle_insertion", &[along("0.8")]).contains("crushes the tissue before the tip: above 0.75"));
+        assert_eq!(advice("needle_insertion", &[along("0.7")]), "");
+        let in_space = ("discretisation.dimension", "mirrored");
+        assert!(advice("needle_insertion", &[along("0.7"), in_space]).contains("above 0.6"));
         assert!(advice("indentation", &[("motion.speed_m_per_s", "0.2")]).contains("shear wave speed of 1.315 m/s"));
         assert!(advice("indentation", &[("material.shear_modulus_pa", "300")]).contains("compresses its base by 18 %"));
     }

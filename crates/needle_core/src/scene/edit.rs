@@ -165,6 +165,14 @@ impl Scene {
             values.insert(path, value, change.place.clone());
             changed.insert(path.to_owned());
         }
+        // of two keys that are equal and go together one alone was changed
+        for key in keys::KEYS.iter().filter(|key| !changed.contains(key.path)) {
+            let followed =
+                key.follows.filter(|other| changed.contains(*other) && self.tied_to(other) == Some(key.path));
+            if let Some(value) = followed.and_then(|other| values.get(other).cloned()) {
+                values.put(key.path, value);
+            }
+        }
         values.drop_misfits(&changed)?;
         Self::from_values(&values)
     }

@@ -69,8 +69,9 @@ section! {
         capture_window: Metres = Key::real("instrument.capture_window_m", Range::closed(0.0, 10.0), "m").or("0.0"),
         /// C_D: fraction of the needle's displacement that captured material follows.
         deformation_coefficient: f64 = Key::real("instrument.deformation_coefficient", SHARE, "").or("0.4").live(),
-        /// The same fraction while the needle is withdrawn.
-        retraction_coefficient: f64 = Key::real("instrument.retraction_coefficient", SHARE, "").or("0.4").live(),
+        /// C_R: the same fraction while the needle is withdrawn. With another one tissue stays displaced when the needle is out.
+        retraction_coefficient: f64 =
+            Key::real("instrument.retraction_coefficient", SHARE, "").or("0.4").or_as("instrument.deformation_coefficient").live(),
         /// Whether captured material follows the displacement since its capture or since first contact.
         deformation_rule: DeformationRule =
             Key::word("instrument.deformation_rule", <DeformationRule as super::Word>::WORDS)

@@ -32,6 +32,8 @@ pub struct Key {
     pub kind: Kind,
     /// Default as it would be written, `None` where the key is required.
     pub default: Option<&'static str>,
+    /// The key whose value it has where it isn't written, in place of the default.
+    pub follows: Option<&'static str>,
     /// Unit; empty for pure numbers, words and text.
     pub unit: &'static str,
     /// What it means, one sentence.
@@ -71,6 +73,7 @@ impl Key {
             path,
             kind,
             default: None,
+            follows: None,
             unit,
             description: "",
             only_with: None,
@@ -122,6 +125,11 @@ impl Key {
     /// Gives the default.
     pub(super) const fn or(self, default: &'static str) -> Self {
         Self { default: Some(default), ..self }
+    }
+
+    /// Gives it the value of another key unless it has its own.
+    pub(super) const fn or_as(self, other: &'static str) -> Self {
+        Self { follows: Some(other), ..self }
     }
 
     /// Ties the key to words of the one that selects it.

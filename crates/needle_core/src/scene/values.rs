@@ -150,6 +150,9 @@ impl Values {
             return Ok(value.clone());
         }
         let key = keys::require(path, "none", &self.origin)?;
+        if let Some(other) = key.follows {
+            return self.value(other);
+        }
         match key.default {
             Some(text) => key.parse_at(text, path, &self.origin),
             None => match self.inherited(path) {

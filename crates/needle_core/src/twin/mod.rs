@@ -28,6 +28,7 @@ mod revolve;
 mod sibling;
 mod speed;
 mod step;
+mod struck;
 mod team;
 #[cfg(test)]
 mod tests;

@@ -31,8 +31,10 @@ const LENGTH: f64 = 2.0;
 /// is that share of mu H 8 a, the force of a rigid disc of radius a that is pressed into an incompressible half space by this share of H
 /// (8 mu a d; Sneddon, Int. J. Engng Sci. 3:47, 1965).
 const FORCE_FLOOR: f64 = 0.01;
-/// The same for a needle, whose forces are those of a thin rod.
+/// The same for a needle, whose forces are those of a thin rod, and the diameters of a needle that count as the width of what it moves: with both
+/// it is the force of the disc at 1.25 times that share. A needle with friction is judged by no more than what it meets on its first radii.
 const FORCE_FLOOR_OF_NEEDLE: f64 = 0.0025;
+const WIDTH_OF_NEEDLE: f64 = 20.0;
 /// Steps of one relaxation towards equilibrium at rest, over 1/omega.
 const RELAXATION: f64 = 0.5;
 /// Relative stress relaxation, over what the tolerance allows, from which a resting instrument gets further steps.
@@ -69,6 +71,8 @@ const AHEAD: f64 = 5.0;
 /// Imbalance that ends a pose of a needle with friction, over the scene's accuracy; kinetic over strain energy, over what [`Health`] takes.
 const SETTLED: f64 = 1.5;
 const SETTLED_ENERGIES: f64 = 0.75;
+/// Imbalance over the largest force so far, over what the tolerance allows, from which a kinematic needle gets further steps at a pose.
+const STRUCK: f64 = 3.0;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
 const SETTLING: u32 = 4;
 
@@ -125,13 +129,19 @@ impl Pace {
         let mu = scene.material.shear_modulus();
         let in_plane = scene.dimension().dimension == Dimension::Axisymmetric;
         let in_space = slips && !in_plane;
+        let force_floor = match scene.instrument.and_then(|i| i.needle_diameter_m()) {
+            Some(diameter) => FORCE_FLOOR_OF_NEEDLE * mu * height * height.min(WIDTH_OF_NEEDLE * diameter),
+            None => FORCE_FLOOR * mu * height * width,
+        };
+        let resistance = if slips { resistance(scene) } else { f64::INFINITY };
         Self {
             stepping: scene.stepping,
             tolerance: scene.tolerance(),
             settled: SETTLED * scene.accuracy,
             length: LENGTH * width,
-            force_floor: (if needle { FORCE_FLOOR_OF_NEEDLE } else { FORCE_FLOOR }) * mu * height * width,
-            resistance: if in_space { resistance(scene) } else { 0.0 },
+            // a needle that nothing resists keeps the floor
+            force_floor: if resistance > 0.0 { force_floor.min(resistance) } else { force_floor },
+            resistance: if in_space { resistance } else { 0.0 },
             energy_floor: 0.5 * FORCE_FLOOR * FORCE_FLOOR * mu * height * height * width,
             peak: 0.0,
             imbalance: 0.0,
@@ -220,6 +230,11 @@ impl Pace {
         let size = size.max(self.force_floor).max(self.resistance.min(AHEAD * size));
         let rests = energies <= SETTLED_ENERGIES * Health::MOST_KINETIC;
         unbalanced(balance) <= self.settled * size && (rests || force < Health::LOADED * self.peak)
+    }
+
+    /// Whether the tissue of a kinematic needle has been thrown out of balance (see [`super::struck`]).
+    pub(crate) fn is_struck(&self, balance: &Balance) -> bool {
+        unbalanced(balance) > STRUCK * self.tolerance * self.peak.max(self.force_floor)
     }
 
     /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.

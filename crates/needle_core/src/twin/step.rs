@@ -121,9 +121,12 @@ impl Twin {
         let mut last = self.advance_safely(steps, travel, &tip, phase, pose.time_s)?;
         self.progress.pace.judge(&last, moves);
         let mut taken = steps;
-        if let Some((balance, further)) =
-            self.come_to_rest(&last, &tip, phase, pose.time_s, most.saturating_sub(steps))?
-        {
+        let left = most.saturating_sub(steps);
+        let further = match self.come_to_rest(&last, &tip, phase, pose.time_s, left)? {
+            None => self.calm(&last, &tip, phase, pose.time_s, left)?,
+            rested => rested,
+        };
+        if let Some((balance, further)) = further {
             self.progress.pace.note(&balance);
             last = balance;
             taken += further;

@@ -112,7 +112,13 @@ impl Twin {
         } else {
             let balance = self.make_safe(way.steps, tip, way.phase, time_s)?;
             self.progress.pace.judge(&balance, way.moves);
-            self.arrive(time_s, tip, way.phase, &balance, way.steps)
+            let left = self.progress.pace.most().saturating_sub(way.steps);
+            let calmed = self.calm(&balance, tip, way.phase, time_s, left)?;
+            let (balance, further) = calmed.unwrap_or((balance, 0));
+            if further > 0 {
+                self.progress.pace.note(&balance);
+            }
+            self.arrive(time_s, tip, way.phase, &balance, way.steps + further)
         };
         answer.event = self.happened.first();
         Ok(answer)

@@ -84,6 +84,29 @@ fn presets_carry_their_instrument_and_depth() {
     assert!(needle.targets.len() >= 2);
 }
 
+/// With another coefficient on the way out tissue would stay displaced, so one key is enough.
+#[test]
+fn tissue_goes_back_as_it_came_unless_said_otherwise() {
+    let back = |scene: &Scene| scene.get("instrument.retraction_coefficient").unwrap().as_real();
+    let needle = Scene::preset("needle_insertion").unwrap();
+    let with = |scene: &Scene, keys: &[(&str, f64)]| {
+        let keys: Vec<_> = keys.iter().map(|(path, value)| Override::typed(path, *value, "test")).collect();
+        scene.with(&keys).unwrap()
+    };
+    const IN: &str = "instrument.deformation_coefficient";
+    const OUT: &str = "instrument.retraction_coefficient";
+    assert_eq!(back(&needle), Some(0.4));
+    let half = with(&needle, &[(IN, 0.5)]);
+    assert_eq!(back(&half), Some(0.5));
+    assert_eq!(back(&Scene::from_toml(&half.to_toml(), "half.toml").unwrap()), Some(0.5));
+    let apart = with(&needle, &[(IN, 0.5), (OUT, 0.2)]);
+    assert_eq!(back(&apart), Some(0.2));
+    assert_eq!(back(&with(&apart, &[(IN, 0.6)])), Some(0.2), "they were not equal");
+    let text =
+        needle.to_toml().replace("retraction_coefficient", "# ").replace("_coefficient = 0.4", "_coefficient = 0.55");
+    assert_eq!(back(&Scene::from_toml(&text, "file.toml").unwrap()), Some(0.55));
+}
+
 #[test]
 fn what_is_absent_is_not_modelled() {
     let scene = minimal_with("").unwrap();
