@@ -71,8 +71,11 @@ const AHEAD: f64 = 5.0;
 /// Imbalance that ends a pose of a needle with friction, over the scene's accuracy; kinetic over strain energy, over what [`Health`] takes.
 const SETTLED: f64 = 1.5;
 const SETTLED_ENERGIES: f64 = 0.75;
-/// Imbalance over the largest force so far, over what the tolerance allows, from which a kinematic needle gets further steps at a pose.
-const STRUCK: f64 = 3.0;
+/// Imbalance from which a kinematic needle gets further steps at a pose, over what the tolerance allows of the largest force so far, and over the
+/// usual imbalance: a motion that is smooth is not stopped at each pose.
+const STRUCK: f64 = 2.5;
+/// Factor by which the usual imbalance follows that of a pose at most, so that it is a median of the last ones.
+const FOLLOWS: f64 = 1.05;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
 const SETTLING: u32 = 4;
 
@@ -111,6 +114,8 @@ pub(super) struct Pace {
     force: [f64; 3],
     /// How far that was from the one before, N.
     change: f64,
+    /// |force on the instrument + force on the base| at the last poses of a motion, before further steps, N.
+    usual: f64,
     /// Most steps that there is time for.
     pub limit: u32,
     /// Relative stress relaxation since the last step.
@@ -161,6 +166,7 @@ impl Pace {
             },
             force: [0.0; 3],
             change: 0.0,
+            usual: 0.0,
             limit: u32::MAX,
             pending: 0.0,
         }
@@ -203,6 +209,11 @@ impl Pace {
         self.change = norm(std::array::from_fn(|k| balance.instrument[k] - self.force[k]));
         self.force = balance.instrument;
         self.note(balance);
+        if moving {
+            let present = unbalanced(balance);
+            let range = [self.usual / FOLLOWS, self.usual * FOLLOWS];
+            self.usual = if self.usual > 0.0 { present.clamp(range[0], range[1]) } else { present };
+        }
         let gap = if moving { balance.gap / self.lag } else { balance.gap };
         let error = balance.error_estimate.max(gap);
         let size = if self.resistance > 0.0 { self.peak.max(self.resistance) } else { force };
@@ -234,7 +245,7 @@ impl Pace {
 
     /// Whether the tissue of a kinematic needle has been thrown out of balance (see [`super::struck`]).
     pub(crate) fn is_struck(&self, balance: &Balance) -> bool {
-        unbalanced(balance) > STRUCK * self.tolerance * self.peak.max(self.force_floor)
+        unbalanced(balance) > STRUCK * self.usual.max(self.tolerance * self.peak.max(self.force_floor))
     }
 
     /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.
@@ -246,7 +257,7 @@ impl Pace {
         self.peak = 0.0;
         self.imbalance = 0.0;
         self.gap = 0.0;
-        (self.force, self.change) = ([0.0; 3], 0.0);
+        (self.force, self.change, self.usual) = ([0.0; 3], 0.0, 0.0);
         self.unsettled = 0.0;
         self.boost = LARGEST_BOOST;
         self.pending = 0.0;

@@ -33,6 +33,7 @@ mod needle_wall;
 mod outline;
 mod own_instrument;
 mod own_law;
+mod plain_scenes;
 mod regions;
 mod relaxation;
 mod research;
