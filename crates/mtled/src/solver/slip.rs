@@ -5,7 +5,7 @@ use super::drag::Drag;
 
 cloned_field_by_field! {
     /// Slip: what a dragged body remembers.
-    #[derive(Debug)]
+    #[derive(Debug, Default)]
     pub(super) struct Slip {
         /// d, m.
         pub at: f64,
