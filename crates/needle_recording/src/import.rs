@@ -61,7 +61,7 @@ impl Extents {
 impl Recording {
     /// Extents of depth, tip's z and force, as far as they exist.
     #[must_use]
-    pub fn extents(&self) -> Vec<Extent> {
+    pub(crate) fn extents(&self) -> Vec<Extent> {
         let mut extents = Extents::default();
         self.depths.iter().for_each(|s| extents.note(&Sample::Depth(*s)));
         self.poses.iter().for_each(|s| extents.note(&Sample::Pose(*s)));

@@ -5,7 +5,7 @@ use needle_core::twin::Pose;
 /// A depth and the time of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthSample {
-    /// Time, s since [`Recording::origin_ns`].
+    /// Time, s since [`origin_ns`](crate::Recording::origin_ns).
     pub time_s: f64,
     /// Depth of the tip below the undeformed top surface, m; negative above it.
     pub depth_m: f64,
@@ -14,7 +14,7 @@ pub struct DepthSample {
 /// A tip pose and the time of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseSample {
-    /// Time, s since [`Recording::origin_ns`].
+    /// Time, s since [`origin_ns`](crate::Recording::origin_ns).
     pub time_s: f64,
     /// Position of the tip in the frame of the topic, m.
     pub tip: [f64; 3],
@@ -35,7 +35,7 @@ impl PoseSample {
 /// Tracked points inside the sample and the time of their measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkerSample {
-    /// Time, s since [`Recording::origin_ns`].
+    /// Time, s since [`origin_ns`](crate::Recording::origin_ns).
     pub time_s: f64,
     /// Position of each marker in frame `sample`, m; NaN where it was not seen.
     pub positions: Vec<[f64; 3]>,
@@ -44,7 +44,7 @@ pub struct MarkerSample {
 /// A force and the time of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSample {
-    /// Time, s since [`Recording::origin_ns`].
+    /// Time, s since [`origin_ns`](crate::Recording::origin_ns).
     pub time_s: f64,
     /// Force of the tissue on the instrument as recorded, N.
     pub force_n: [f64; 3],

@@ -27,7 +27,7 @@ pub struct Estimate {
     pub bounds: [f64; 2],
     /// Standard error from noise; `None` where the data don't determine the value.
     pub noise_error: Option<f64>,
-    /// Standard error from [`Task::force_error`].
+    /// Standard error from [`Task::force_error`](super::Task::force_error).
     pub systematic_error: Option<f64>,
     /// Whether it has any effect on the data.
     pub has_effect: bool,
@@ -96,9 +96,9 @@ pub struct Calibration {
     /// Number of poses that the twin refused.
     pub refused: usize,
     /// Unknowns from which the load cell's drift could not be distinguished, so that the drift was left out
-    /// ([`LoadCell::Auto`]). Empty if it was not.
+    /// ([`LoadCell::Auto`](super::LoadCell::Auto)). Empty if it was not.
     pub drift_left_out_for: Vec<String>,
-    /// The fit under other assumptions, if it was made ([`alternatives()`]).
+    /// The fit under other assumptions, if it was made ([`alternatives()`](super::alternatives())).
     pub alternatives: Vec<Alternative>,
 }
 
