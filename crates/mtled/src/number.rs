@@ -398,6 +398,16 @@ impl<T: Real> Lanes<T> {
     }
 }
 
+/// Functions of a number, lane by lane.
+macro_rules! by_lane {
+    ($($name:ident),+) => {$(
+        #[inline(always)]
+        fn $name(self) -> Self {
+            self.map(Number::$name)
+        }
+    )+};
+}
+
 impl<T: Real> Number for Lanes<T> {
     const EPSILON: f64 = T::EPSILON;
     const CUBE_ROOT_ITERATIONS: u32 = T::CUBE_ROOT_ITERATIONS;
@@ -406,6 +416,7 @@ impl<T: Real> Number for Lanes<T> {
     fn of(x: f64) -> Self {
         Self::splat(T::of(x))
     }
+    by_lane!(sqrt, inverse_cube_root_estimate, exp_m1, ln, two_thirds_of_angle);
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         self.zip(other, Number::max)
@@ -427,32 +438,12 @@ impl<T: Real> Number for Lanes<T> {
         out
     }
     #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(Number::sqrt)
-    }
-    #[inline(always)]
-    fn inverse_cube_root_estimate(self) -> Self {
-        self.map(Number::inverse_cube_root_estimate)
-    }
-    #[inline(always)]
     fn where_positive(self, condition: Self, other: Self) -> Self {
         let mut out = other;
         for i in 0..LANES {
             out.0[i] = if condition.0[i] > T::default() { self.0[i] } else { other.0[i] };
         }
         out
-    }
-    #[inline(always)]
-    fn exp_m1(self) -> Self {
-        self.map(Number::exp_m1)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        self.map(Number::ln)
-    }
-    #[inline(always)]
-    fn two_thirds_of_angle(self) -> Self {
-        self.map(Number::two_thirds_of_angle)
     }
 }
 
