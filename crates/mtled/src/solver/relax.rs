@@ -9,10 +9,6 @@ use super::state::Moving;
 use crate::number::Real;
 
 impl<T: Real> Kernel<T> {
-    fn relaxes(&self) -> bool {
-        self.constants.iter().any(|c| !c.law.prony.is_empty())
-    }
-
     /// See [`Solver::stress_relaxation`].
     fn stress_relaxation(&self, memory: &[Memory], dt: f64) -> f64 {
         let total = memory.iter().map(|m| m.sums.total).sum::<f64>().sqrt();
@@ -30,7 +26,7 @@ impl<T: Real> Kernel<T> {
 
 impl Model {
     pub(super) fn relaxes(&self) -> bool {
-        with_kernel!((&self.kernel) => (k) { k.relaxes() })
+        with_kernel!((&self.kernel) => (k) { k.constants.iter().any(|c| !c.law.prony.is_empty()) })
     }
 }
 
