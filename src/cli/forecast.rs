@@ -17,7 +17,7 @@ use needle_core::scene::Scene;
 use needle_core::twin::Twin;
 use needle_estimate::calibrate::{LoadCell, Wanted};
 use needle_estimate::compare::scale::mistaken;
-use needle_estimate::compare::{Cancel, Curve};
+use needle_estimate::compare::{Cancel, Curve, depths};
 use needle_estimate::forecast::{self, Blind, Of, Prediction, default_keys};
 use needle_estimate::learnt_law;
 use needle_estimate::prior::{self, Prior, Sample};
@@ -262,7 +262,7 @@ impl Arguments {
         let begun = recording.aligned(&scene);
         let readings = self.topics.readings(&begun);
         let by_pose = readings.iter().any(|r| matches!(r.at, At::Pose(_)));
-        let depths = prior::depths(&twin, &readings);
+        let depths = depths(&twin, &readings);
         let blind =
             Blind::new(recording, &readings, &depths, self.fit_to, self.of.into()).map_err(|e| e.to_string())?;
         let known = blind.recording().aligned(&scene).measured();

@@ -133,7 +133,7 @@ fn learnt(ensemble: &Ensemble) -> Option<String> {
 fn ensemble(run: &Run, ensemble: &Ensemble) -> String {
     let width =
         ensemble.mean_width_n().map_or_else(|| "no band".to_owned(), |n| format!("95 % of them within {}", newtons(n)));
-    let measured = ensemble.share_inside(run);
+    let measured = run.share_inside();
     let inside =
         measured.map_or_else(String::new, |share| format!(", which holds {:.1} % of what was measured", 1e2 * share));
     let (used, members, runs) = (ensemble.used, ensemble.members, ensemble.runs);

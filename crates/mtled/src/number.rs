@@ -9,11 +9,6 @@ use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-#[doc(hidden)] // the path of before
-pub mod lanes {
-    pub use super::{LANES, Lanes, Loop, instructions, run};
-}
-
 mod elementary {
     //! Exponential, logarithm and a cosine in single precision: sums, products and bits, so that arrays and registers have the same bits on every
     //! processor. A double has the library's.
@@ -147,9 +142,23 @@ pub trait Number:
     /// Square root.
     #[must_use]
     fn sqrt(self) -> Self;
-    /// x^(-1/3) for x > 0.
+    /// Iterations that take the estimate of an inverse cube root to round-off.
+    const CUBE_ROOT_ITERATIONS: u32;
+    /// x^(-1/3) to a few percent, from the bits: log2(y) = -log2(x)/3.
     #[must_use]
-    fn inverse_cube_root(self) -> Self;
+    fn inverse_cube_root_estimate(self) -> Self;
+    /// x^(-1/3) for x > 0: Newton on y^-3 = x, y + y/3 (1 - x y^3), of which no more than three operations wait for each other. Each
+    /// iteration doubles the digits.
+    #[must_use]
+    #[inline(always)]
+    fn inverse_cube_root(self) -> Self {
+        let mut y = self.inverse_cube_root_estimate();
+        for _ in 0..Self::CUBE_ROOT_ITERATIONS {
+            let lack = (-(self * y)).product_sum(y * y, Self::of(1.0));
+            y = (y * Self::of(1.0 / 3.0)).product_sum(lack, y);
+        }
+        y
+    }
     /// Lane by lane: `self` where `condition` is above zero, else `other`.
     #[must_use]
     fn where_positive(self, condition: Self, other: Self) -> Self;
@@ -170,8 +179,6 @@ pub trait Real: Number + PartialOrd + Send + Sync + 'static {
     type Stored: Copy + Debug + Default + PartialEq + Send + Sync + 'static;
     /// Largest magnitude of a stored number, if they are whole.
     const LARGEST_STORED: Option<f64>;
-    /// Iterations that take the estimate to round-off.
-    const CUBE_ROOT_ITERATIONS: u32;
     /// As a double.
     fn get(self) -> f64;
     /// Number to store, whole if there is a [`Real::LARGEST_STORED`].
@@ -186,9 +193,6 @@ pub trait Real: Number + PartialOrd + Send + Sync + 'static {
     fn run_pass(pass: impl Pass<Self>) {
         run(Portable(pass, PhantomData::<Self>));
     }
-    /// x^(-1/3) to a few percent, from the bits: log2(y) = -log2(x)/3.
-    #[must_use]
-    fn inverse_cube_root_estimate(self) -> Self;
 }
 
 /// A pass with arrays for vectors.
@@ -201,13 +205,6 @@ impl<T: Real, P: Pass<T>> Loop for Portable<P, T> {
     }
 }
 
-/// Newton on y^-3 = x: y + y/3 (1 - x y^3), of which no more than three operations wait for each other. Each iteration doubles the digits.
-#[inline(always)]
-fn inverse_cube_root_iteration<N: Number>(x: N, y: N) -> N {
-    let lack = (-(x * y)).product_sum(y * y, N::of(1.0));
-    (y * N::of(1.0 / 3.0)).product_sum(lack, y)
-}
-
 macro_rules! real {
     (
         $t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal, $product_sum:expr,
@@ -215,6 +212,7 @@ macro_rules! real {
     ) => {
         impl Number for $t {
             const EPSILON: f64 = <$t>::EPSILON as f64;
+            const CUBE_ROOT_ITERATIONS: u32 = $iterations;
             #[inline(always)]
             fn of(x: f64) -> Self {
                 x as Self
@@ -236,12 +234,8 @@ macro_rules! real {
                 <$t>::sqrt(self)
             }
             #[inline(always)]
-            fn inverse_cube_root(self) -> Self {
-                let mut y = self.inverse_cube_root_estimate();
-                for _ in 0..$iterations {
-                    y = inverse_cube_root_iteration(self, y);
-                }
-                y
+            fn inverse_cube_root_estimate(self) -> Self {
+                Self::from_bits($bits - self.to_bits() / 3)
             }
             #[inline(always)]
             fn where_positive(self, condition: Self, other: Self) -> Self {
@@ -264,7 +258,6 @@ macro_rules! real {
         impl Real for $t {
             type Stored = $stored;
             const LARGEST_STORED: Option<f64> = $largest;
-            const CUBE_ROOT_ITERATIONS: u32 = $iterations;
             #[inline(always)]
             fn store(x: f64) -> $stored {
                 x as $stored
@@ -276,10 +269,6 @@ macro_rules! real {
             #[inline(always)]
             fn get(self) -> f64 {
                 f64::from(self)
-            }
-            #[inline(always)]
-            fn inverse_cube_root_estimate(self) -> Self {
-                Self::from_bits($bits - self.to_bits() / 3)
             }
             $($own)*
         }
@@ -334,16 +323,6 @@ impl<T: Real> Lanes<T> {
     #[inline(always)]
     pub fn splat(x: T) -> Self {
         Self([x; LANES])
-    }
-
-    /// Numbers as they are kept in memory.
-    #[inline(always)]
-    pub fn load(stored: &[T::Stored; LANES]) -> Self {
-        let mut out = Self::default();
-        for i in 0..LANES {
-            out.0[i] = T::load(stored[i]);
-        }
-        out
     }
 
     /// In double precision.
@@ -405,12 +384,6 @@ impl<T: Real> Lanes<T> {
         out
     }
 
-    /// The smaller of two; `other` where either is not a number.
-    #[inline(always)]
-    pub fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
-
     /// Sum of eight, in the order of [`Lanes::sum`].
     #[inline(always)]
     pub(crate) fn sum_of(a: &[Self; LANES]) -> Self {
@@ -425,13 +398,25 @@ impl<T: Real> Lanes<T> {
     }
 }
 
+/// Functions of a number, lane by lane.
+macro_rules! by_lane {
+    ($($name:ident),+) => {$(
+        #[inline(always)]
+        fn $name(self) -> Self {
+            self.map(Number::$name)
+        }
+    )+};
+}
+
 impl<T: Real> Number for Lanes<T> {
     const EPSILON: f64 = T::EPSILON;
+    const CUBE_ROOT_ITERATIONS: u32 = T::CUBE_ROOT_ITERATIONS;
     const IS_ARRAY: bool = true;
     #[inline(always)]
     fn of(x: f64) -> Self {
         Self::splat(T::of(x))
     }
+    by_lane!(sqrt, inverse_cube_root_estimate, exp_m1, ln, two_thirds_of_angle);
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         self.zip(other, Number::max)
@@ -453,36 +438,12 @@ impl<T: Real> Number for Lanes<T> {
         out
     }
     #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(Number::sqrt)
-    }
-    #[inline(always)]
-    fn inverse_cube_root(self) -> Self {
-        let mut y = self.map(T::inverse_cube_root_estimate);
-        for _ in 0..T::CUBE_ROOT_ITERATIONS {
-            y = inverse_cube_root_iteration(self, y);
-        }
-        y
-    }
-    #[inline(always)]
     fn where_positive(self, condition: Self, other: Self) -> Self {
         let mut out = other;
         for i in 0..LANES {
             out.0[i] = if condition.0[i] > T::default() { self.0[i] } else { other.0[i] };
         }
         out
-    }
-    #[inline(always)]
-    fn exp_m1(self) -> Self {
-        self.map(Number::exp_m1)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        self.map(Number::ln)
-    }
-    #[inline(always)]
-    fn two_thirds_of_angle(self) -> Self {
-        self.map(Number::two_thirds_of_angle)
     }
 }
 
@@ -621,11 +582,15 @@ impl<T: Real> Vector<T> for Lanes<T> {
     }
     #[inline(always)]
     fn widen(stored: &[T::Stored; LANES]) -> Self {
-        Self::load(stored)
+        let mut out = Self::default();
+        for i in 0..LANES {
+            out.0[i] = T::load(stored[i]);
+        }
+        out
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        self.min(other)
+        self.zip(other, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
     fn is_zero(self) -> bool {
@@ -664,7 +629,7 @@ mod avx2 {
     use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
     use super::elementary::{self, LEAST_FRACTION, ONE, Single};
-    use super::{LANES, Lanes, Number, Pass, Real, Vector};
+    use super::{LANES, Lanes, Number, Pass, Vector};
 
     /// Runs a pass in single precision.
     #[target_feature(enable = "avx2,fma")]
@@ -728,6 +693,7 @@ mod avx2 {
 
     impl Number for Eight {
         const EPSILON: f64 = f32::EPSILON as f64;
+        const CUBE_ROOT_ITERATIONS: u32 = f32::CUBE_ROOT_ITERATIONS;
         #[inline(always)]
         fn of(x: f64) -> Self {
             Self::splat(x as f32)
@@ -749,12 +715,8 @@ mod avx2 {
             instruction!(x86::_mm256_sqrt_ps(self.0))
         }
         #[inline(always)]
-        fn inverse_cube_root(self) -> Self {
-            let mut y = self.inverse_cube_root_estimate();
-            for _ in 0..f32::CUBE_ROOT_ITERATIONS {
-                y = super::inverse_cube_root_iteration(self, y);
-            }
-            y
+        fn inverse_cube_root_estimate(self) -> Self {
+            instruction!(estimate(self.0))
         }
         #[inline(always)]
         fn where_positive(self, condition: Self, other: Self) -> Self {
@@ -806,15 +768,7 @@ mod avx2 {
         [x86::_mm256_castsi256_ps(fraction), x86::_mm256_cvtepi32_ps(exponent)]
     }
 
-    impl Eight {
-        /// [`Real::inverse_cube_root_estimate`].
-        #[inline(always)]
-        fn inverse_cube_root_estimate(self) -> Self {
-            instruction!(estimate(self.0))
-        }
-    }
-
-    /// A third of the bits is the upper half of their product with 2/3 of 2^32, halved; that from the estimate of zero, whose bits are zero.
+    /// [`Number::inverse_cube_root_estimate`]: a third of the bits is the upper half of their product with 2/3 of 2^32, halved; that from the estimate of zero, whose bits are zero.
     #[inline]
     #[target_feature(enable = "avx2")]
     fn estimate(x: x86::__m256) -> x86::__m256 {
@@ -960,7 +914,6 @@ mod tests {
         assert_eq!(sums, other);
     }
 
-    /// Every operation once.
     struct EveryOperation<'a>(&'a [[i16; LANES]], &'a mut Vec<Lanes<f32>>);
 
     impl Pass<f32> for EveryOperation<'_> {

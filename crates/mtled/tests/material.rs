@@ -344,7 +344,7 @@ fn the_internal_force_is_the_derivative_of_the_energy() {
     let mut pool = Pool::new(1);
     for point in points().iter().filter(|p| p.memory.is_none()) {
         for ratio in [VolumeRatio::Projected, VolumeRatio::Mixed, VolumeRatio::Averaged, VolumeRatio::Pointwise] {
-            let kernel = Kernel::new(&table, &cloud.cells, &cloud.points, &point.law, ratio);
+            let kernel = Kernel::of_materials(&table, &cloud.cells, &cloud.points, &[point.law], ratio);
             let mut along = |d: &[[f64; 3]], h: f64| {
                 let moved: Vec<[f64; 3]> =
                     u.iter().zip(d).map(|(u, d)| std::array::from_fn(|k| u[k] + h * d[k])).collect();

@@ -97,7 +97,8 @@ fn forces_are_those_of_the_whole_to_round_off() {
         let [u, all] = bodies.field(1e-4, 3);
         let law = Law::neo_hookean(MU, KAPPA);
         let force = |table: &ShapeTable, cloud: &Cloud, u: &[[f64; 3]]| {
-            let kernel = Kernel::<f64>::new(table, &cloud.cells, &cloud.points, &law, VolumeRatio::Pointwise);
+            let kernel =
+                Kernel::<f64>::of_materials(table, &cloud.cells, &cloud.points, &[law], VolumeRatio::Pointwise);
             kernel.internal_force(&mut Pool::new(1), u)
         };
         let (half, whole) = (force(&half, &bodies.half, &u), force(&whole, &bodies.whole, &all));
@@ -121,7 +122,7 @@ fn the_force_is_the_slope_of_the_energy() {
     let [table, _] = bodies.tables(MMLS);
     let law = Law::neo_hookean(MU, KAPPA);
     let Cloud { points, cells, .. } = &bodies.half;
-    let kernel = Kernel::<f64>::new(&table, cells, points, &law, VolumeRatio::Projected);
+    let kernel = Kernel::<f64>::of_materials(&table, cells, points, &[law], VolumeRatio::Projected);
     let ([u, _], [way, _]) = (bodies.field(1e-4, 5), bodies.field(1.0, 6));
     let mut pool = Pool::new(1);
     let mut energy = |h: f64| {

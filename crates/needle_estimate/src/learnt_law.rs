@@ -103,7 +103,7 @@ pub struct Learnt {
 
 /// Whether a law can be learnt: the sample is of one material, neo-Hookean as in a scene that names no other, and its modulus is fitted.
 #[must_use]
-pub fn is_open(scene: &Scene, wanted: &[Wanted]) -> bool {
+pub(crate) fn is_open(scene: &Scene, wanted: &[Wanted]) -> bool {
     let neo_hookean = matches!(scene.material.model, MaterialModel::NeoHookean { .. });
     let frictional = scene.instrument.is_some_and(|instrument| instrument.is_frictional());
     neo_hookean && scene.regions.is_empty() && !frictional && wanted.iter().any(|key| key.key == MODULUS)
@@ -113,7 +113,7 @@ pub fn is_open(scene: &Scene, wanted: &[Wanted]) -> bool {
 ///
 /// # Errors
 /// [`CalibrateError`] if the scene's own law has no fit, or the search was interrupted.
-pub fn fits(
+pub(crate) fn fits(
     recording: &Recording,
     scene: &Scene,
     wanted: &[Wanted],
@@ -160,7 +160,7 @@ pub fn fits(
 
 /// What the fits to other recordings teach; `None` if they are too few, or the scene's own law does as well.
 #[must_use]
-pub fn learnt(others: &[&Fits]) -> Option<Learnt> {
+pub(crate) fn learnt(others: &[&Fits]) -> Option<Learnt> {
     if others.len() < FEWEST {
         return None;
     }
@@ -215,13 +215,13 @@ impl Learnt {
     ///
     /// # Errors
     /// [`SceneError`] if the scene does not take it.
-    pub fn scene(&self, scene: &Scene) -> Result<Scene, SceneError> {
+    pub(crate) fn scene(&self, scene: &Scene) -> Result<Scene, SceneError> {
         LAWS[self.law].scene(scene, scene.material.shear_modulus(), &self.constants)
     }
 
     /// The keys to fit: the factor on all constants in Pa in place of the modulus, over as many times it.
     #[must_use]
-    pub fn wanted(&self, wanted: &[Wanted], scene: &Scene) -> Vec<Wanted> {
+    pub(crate) fn wanted(&self, wanted: &[Wanted], scene: &Scene) -> Vec<Wanted> {
         let modulus = scene.material.shear_modulus();
         let renamed = |key: &Wanted| match key.key == MODULUS {
             true => {
@@ -234,7 +234,7 @@ impl Learnt {
 
     /// Law, shape and where they come from, in words.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         let Law { model, constants } = &LAWS[self.law];
         let one = |(c, value): (&Constant, &f64)| {
             let name = c.key.trim_start_matches("material.");

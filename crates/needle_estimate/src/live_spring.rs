@@ -106,7 +106,7 @@ impl LiveSpring {
 impl SoFar {
     /// The twin against the spring.
     #[must_use]
-    pub fn against(&self) -> Against {
+    pub(crate) fn against(&self) -> Against {
         Against::of(self.twin_rmse_n, self.spring_rmse_n)
     }
 

@@ -5,11 +5,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::calibrate::{LoadCell, Wanted};
-use crate::compare::{Curve, Watch};
+use crate::compare::{Curve, Watch, depths};
 use crate::learnt_law::{self, Fits};
 use needle_core::scene::{Scene, SceneError};
 use needle_core::twin::Twin;
-use needle_recording::{At, Reading, Recording};
+use needle_recording::Recording;
 
 /// What the whole of one recording says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,16 +89,6 @@ pub fn law(samples: &[&Sample], scene: &Scene, wanted: &[Wanted]) -> Result<Opti
         Ok(Taught { scene: learnt.scene(scene)?, wanted: learnt.wanted(wanted, scene), words: learnt.words() })
     };
     learnt.map(taught).transpose()
-}
-
-/// Depth of each reading, m.
-#[must_use]
-pub fn depths(twin: &Twin, readings: &[Reading]) -> Vec<f64> {
-    let depth = |reading: &Reading| match reading.at {
-        At::Depth(depth_m) => depth_m,
-        At::Pose(pose) => twin.depth_of(&pose),
-    };
-    readings.iter().map(depth).collect()
 }
 
 /// What a whole recording says; with the fits of the laws if `laws`, and one can be learnt. `None` if no force was measured, or the scene can't be built.

@@ -28,7 +28,7 @@ use crate::calibrate::INTERVAL_95;
 use crate::compare::Curve;
 
 /// Fewest other recordings.
-pub const FEWEST: usize = 2;
+pub(crate) const FEWEST: usize = 2;
 /// Number of equally spaced depths.
 const PLACES: usize = 40;
 /// Fewest of them in the first part.
@@ -62,7 +62,7 @@ pub struct Corrected {
 impl Corrected {
     /// Where it comes from, in words.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         format!("corrected by {} other recordings; the twin counts as {:.1}", self.from, self.worth)
     }
 }

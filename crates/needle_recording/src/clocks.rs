@@ -4,10 +4,10 @@
 //! all topics are taken from the recorder's clock. If the stamps of two topics have no time in common, the recorder's
 //! clock gives the offset between them.
 
+use std::collections::BTreeMap;
+
 use ros2_messages::builtin_interfaces::Time;
 use rosbag2_mcap::Loss;
-
-use super::series::Gathered;
 
 /// Largest share of messages with missing or repeated stamps for which the stamps are still used: single faults.
 const FEW: f64 = 0.1;
@@ -40,6 +40,15 @@ impl Arrival {
             Base::Recorded => recorded(self.log_ns),
         }
     }
+}
+
+/// Values of one topic in the order of recording.
+pub(super) struct Gathered<V> {
+    pub topic: String,
+    pub samples: Vec<(Arrival, V)>,
+    pub frame: String,
+    /// Number of messages without relevant content, by the reason.
+    pub nothing: BTreeMap<String, u64>,
 }
 
 /// The clock that times are taken from.

@@ -1,7 +1,7 @@
 //! Finds the intervals without data, or without force while the instrument moved. The forces in them are unknown.
 
 use super::middle::Middle;
-use super::write::Sample;
+use super::sample::Sample;
 
 /// A pause exceeds this many typical intervals, and `LEAST_S`.
 const INTERVALS: f64 = 10.0;
@@ -127,7 +127,7 @@ impl Holes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::{DepthSample, ForceSample};
+    use crate::sample::{DepthSample, ForceSample};
 
     /// Holes of a motion and the forces.
     fn holes(motion: &[DepthSample], forces: &[ForceSample]) -> Vec<[f64; 2]> {

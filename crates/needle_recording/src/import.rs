@@ -4,13 +4,14 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use super::error::RecordingError;
 use super::holes::Holes;
 use super::order::Spread;
-use super::recording::{Changes, DepthSample, ForceSample, MarkerSample, PoseSample, Recording, RecordingError};
-use super::recording::{is_bag, seconds, tables};
+use super::recording::{Changes, Recording, is_bag, seconds, tables};
+use super::sample::{DepthSample, ForceSample, MarkerSample, PoseSample, Sample, first};
 use super::selection::Selection;
 use super::table::{Pieces, Table, TableError, size_of_text};
-use super::write::{Sample, Topics, first};
+use super::write::Topics;
 use needle_core::twin::Pose;
 use rosbag2_mcap::Written;
 
@@ -60,7 +61,7 @@ impl Extents {
 impl Recording {
     /// Extents of depth, tip's z and force, as far as they exist.
     #[must_use]
-    pub fn extents(&self) -> Vec<Extent> {
+    pub(crate) fn extents(&self) -> Vec<Extent> {
         let mut extents = Extents::default();
         self.depths.iter().for_each(|s| extents.note(&Sample::Depth(*s)));
         self.poses.iter().for_each(|s| extents.note(&Sample::Pose(*s)));

@@ -3,11 +3,13 @@
 use super::Adapter;
 use super::Refusal;
 use super::clocks::{self, Census};
-use super::foreign::{ForeignError, WRENCHES, pose_of, wrench_of};
-use super::frame::{FrameError, Frames};
+use super::error::RecordingError;
+use super::foreign::{WRENCHES, pose_of, wrench_of};
+use super::frame::Frames;
 use super::holes::Holes;
 use super::order::Spread;
-use super::selection::{Selection, UnknownUnit};
+use super::sample::{DepthSample, ForceSample, MarkerSample, PoseSample, Sample, first};
+use super::selection::{Selection, TopicNames};
 use super::series::{self, Held, Reading, Series, in_order};
 use super::table::{Survey, Table, TableError, refuse_options};
 use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
@@ -19,82 +21,6 @@ use ros2_messages::geometry_msgs::PoseArray;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
 use std::path::{Path, PathBuf};
-
-/// The topics to use, and the joint. If a topic is not given it is found by the last part of the name
-/// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TopicNames {
-    /// sensor_msgs/JointState: the displacement sensor. Default: a `measured_js`.
-    pub joint_state: Option<String>,
-    /// geometry_msgs/PoseStamped: the tip's pose. Default: a `measured_cp`.
-    pub pose: Option<String>,
-    /// geometry_msgs/WrenchStamped: the load cell. Default: a `measured_cf`.
-    pub wrench: Option<String>,
-    /// The joint whose position is the depth. Default: `insertion`.
-    pub joint: String,
-    /// Frame that the poses must be in. Default: `sample`.
-    pub frame_id: String,
-}
-
-impl Default for TopicNames {
-    fn default() -> Self {
-        Self {
-            joint_state: None,
-            pose: None,
-            wrench: None,
-            joint: "insertion".to_owned(),
-            frame_id: "sample".to_owned(),
-        }
-    }
-}
-
-/// A depth and the time of its measurement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DepthSample {
-    /// Time, s since [`Recording::origin_ns`].
-    pub time_s: f64,
-    /// Depth of the tip below the undeformed top surface, m; negative above it.
-    pub depth_m: f64,
-}
-
-/// A tip pose and the time of its measurement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PoseSample {
-    /// Time, s since [`Recording::origin_ns`].
-    pub time_s: f64,
-    /// Position of the tip in the frame of the topic, m.
-    pub tip: [f64; 3],
-    /// Unit vector along the instrument into the sample: the z axis of the tip's frame.
-    pub axis: [f64; 3],
-    /// How far it is turned about that, rad ([`Pose::roll_rad`]).
-    pub roll_rad: f64,
-}
-
-impl PoseSample {
-    /// The pose in the twin's format.
-    #[must_use]
-    pub fn pose(&self) -> Pose {
-        Pose { tip: self.tip, axis: self.axis, roll_rad: self.roll_rad }
-    }
-}
-
-/// Tracked points inside the sample and the time of their measurement.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MarkerSample {
-    /// Time, s since [`Recording::origin_ns`].
-    pub time_s: f64,
-    /// Position of each marker in frame `sample`, m; NaN where it was not seen.
-    pub positions: Vec<[f64; 3]>,
-}
-
-/// A force and the time of its measurement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ForceSample {
-    /// Time, s since [`Recording::origin_ns`].
-    pub time_s: f64,
-    /// Force of the tissue on the instrument as recorded, N.
-    pub force_n: [f64; 3],
-}
 
 /// The series of a recording. Each is in order of time, with finite values only.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,40 +53,6 @@ pub struct Recording {
     pub losses: Vec<Loss>,
     /// Irregularities without a loss of data.
     pub warnings: Vec<String>,
-}
-
-/// Why a recording can't be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum RecordingError {
-    /// The bag can't be read, or lacks a topic.
-    #[error(transparent)]
-    Bag(#[from] BagError),
-    /// A topic can't be used as the user requests.
-    #[error(transparent)]
-    Foreign(#[from] ForeignError),
-    /// An unknown unit.
-    #[error(transparent)]
-    Unit(#[from] UnknownUnit),
-    /// An invalid frame.
-    #[error(transparent)]
-    Frame(#[from] FrameError),
-    /// An option does not apply to this input.
-    #[error("{option} says nothing of {of}: {remedy}")]
-    NotHere {
-        /// The option.
-        option: &'static str,
-        /// The kind of input.
-        of: &'static str,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// The table can't be read, or lacks a column.
-    #[error(transparent)]
-    Table(#[from] TableError),
-    /// Bags can't be combined.
-    #[error("{} is a bag: one bag is a whole recording, and only tables can be several files", .0.display())]
-    SeveralBags(PathBuf),
 }
 
 /// Series with their stamps in ns, before the common origin is subtracted.
@@ -534,6 +426,29 @@ impl Recording {
         self.in_time().for_each(|sample| holes.note(&sample));
         self.lose_times(motion, force, self.forces.len(), holes);
     }
+
+    /// All samples in order of time; for equal times the motion's first.
+    pub(super) fn in_time(&self) -> impl Iterator<Item = Sample<'_>> {
+        let mut next = [0_usize; 4];
+        std::iter::from_fn(move || {
+            let [d, p, f, m] = next;
+            let (depth, pose, force) = (self.depths.get(d), self.poses.get(p), self.forces.get(f));
+            let markers = self.markers.get(m);
+            let which = first([
+                depth.map(|s| s.time_s),
+                pose.map(|s| s.time_s),
+                force.map(|s| s.time_s),
+                markers.map(|s| s.time_s),
+            ])?;
+            next[which] += 1;
+            match which {
+                0 => depth.copied().map(Sample::Depth),
+                1 => pose.copied().map(Sample::Pose),
+                2 => force.copied().map(Sample::Force),
+                _ => markers.map(Sample::Markers),
+            }
+        })
+    }
 }
 
 /// What the tables of a recording are for.
@@ -657,7 +572,7 @@ fn in_no_file(read: &[Table]) -> Option<(&'static str, String)> {
 
 /// Values with their times, sorted.
 fn ordered<V: PartialEq>(
-    of: series::Gathered<V>,
+    of: clocks::Gathered<V>,
     base: clocks::Base,
     losses: &mut Vec<Loss>,
     warnings: &mut Vec<String>,

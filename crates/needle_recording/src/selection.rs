@@ -1,8 +1,34 @@
 //! The user's selection: the columns or topics of depth and force, and the meaning of their numbers.
 
-use super::TopicNames;
-use super::recording::RecordingError;
 use super::unit::Dimension;
+
+/// The topics to use, and the joint. If a topic is not given it is found by the last part of the name
+/// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TopicNames {
+    /// sensor_msgs/JointState: the displacement sensor. Default: a `measured_js`.
+    pub joint_state: Option<String>,
+    /// geometry_msgs/PoseStamped: the tip's pose. Default: a `measured_cp`.
+    pub pose: Option<String>,
+    /// geometry_msgs/WrenchStamped: the load cell. Default: a `measured_cf`.
+    pub wrench: Option<String>,
+    /// The joint whose position is the depth. Default: `insertion`.
+    pub joint: String,
+    /// Frame that the poses must be in. Default: `sample`.
+    pub frame_id: String,
+}
+
+impl Default for TopicNames {
+    fn default() -> Self {
+        Self {
+            joint_state: None,
+            pose: None,
+            wrench: None,
+            joint: "insertion".to_owned(),
+            frame_id: "sample".to_owned(),
+        }
+    }
+}
 
 /// A recorded quantity: its location and the meaning of its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,6 +79,18 @@ pub struct UnknownUnit {
     pub text: String,
     /// The known units.
     pub known: String,
+}
+
+/// An option that does not apply to the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{option} says nothing of {of}: {remedy}")]
+pub struct NotHere {
+    /// The option.
+    pub option: &'static str,
+    /// The kind of input.
+    pub of: &'static str,
+    /// What to do.
+    pub remedy: &'static str,
 }
 
 /// Layout of a text table; options that are not given are detected.
@@ -112,17 +150,17 @@ pub struct Selection {
 }
 
 impl Selection {
-    fn refused(options: &[(&'static str, bool)], of: &'static str, remedy: &'static str) -> Result<(), RecordingError> {
+    fn refused(options: &[(&'static str, bool)], of: &'static str, remedy: &'static str) -> Result<(), NotHere> {
         let said = options.iter().find(|(_, said)| *said);
-        said.map_or(Ok(()), |&(option, _)| Err(RecordingError::NotHere { option, of, remedy }))
+        said.map_or(Ok(()), |&(option, _)| Err(NotHere { option, of, remedy }))
     }
 
-    fn of_poses(&self) -> Result<(), RecordingError> {
+    fn of_poses(&self) -> Result<(), NotHere> {
         let options = [("--position-sign -1", self.position.reversed), ("--position-zero", self.position.zero != 0.0)];
         Self::refused(&options, "poses", "their frame is given by --sample-pose")
     }
 
-    fn of_depths(&self) -> Result<(), RecordingError> {
+    fn of_depths(&self) -> Result<(), NotHere> {
         let remedy = "a depth is counted from the sample's surface; --position-zero shifts it";
         Self::refused(&[("--sample-pose", self.sample_pose.is_some())], "depths", remedy)
     }
@@ -133,7 +171,7 @@ impl Selection {
     }
 
     /// Refuses a zero of a force where there is none.
-    pub(super) fn zero_of_a_force(&self, is_there: bool) -> Result<(), RecordingError> {
+    pub(super) fn zero_of_a_force(&self, is_there: bool) -> Result<(), NotHere> {
         let options = [("--force-zero", self.has_force_zero() && !is_there)];
         Self::refused(
             &options,
@@ -149,7 +187,7 @@ impl Selection {
         only: Option<usize>,
         across: bool,
         is_number: bool,
-    ) -> Result<[f64; 3], RecordingError> {
+    ) -> Result<[f64; 3], NotHere> {
         let one = [("--force-zero with one number", self.force.zero != 0.0 && only.is_none() && across)];
         Self::refused(&one, "a force with three components", "give what each of them reads without load, X,Y,Z")?;
         let three = [("--force-zero X,Y,Z", self.force_zeros.is_some() && is_number)];
@@ -162,7 +200,7 @@ impl Selection {
     }
 
     /// Rejects options that do not apply to a bag.
-    pub(super) fn fits_a_bag(&self, by_pose: bool) -> Result<(), RecordingError> {
+    pub(super) fn fits_a_bag(&self, by_pose: bool) -> Result<(), NotHere> {
         let options = [
             ("--time", !self.time.is_empty()),
             ("--time-unit", !self.time_unit.is_empty()),
@@ -178,7 +216,7 @@ impl Selection {
     }
 
     /// Rejects options that do not apply to tables.
-    pub(super) fn fits_a_table(&self, by_pose: bool) -> Result<(), RecordingError> {
+    pub(super) fn fits_a_table(&self, by_pose: bool) -> Result<(), NotHere> {
         let options = [("--force-column", self.forces.is_some() && self.force.place.is_some())];
         Self::refused(&options, "a force of --force-columns", "give one of them")?;
         let vector = [("--force-zero with one number", self.forces.is_some() && self.force.zero != 0.0)];

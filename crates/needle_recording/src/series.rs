@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-use super::clocks::Arrival;
+use super::clocks::{Arrival, Gathered};
 use super::order::Ordered;
 use super::thin::Thin;
 use ros2_messages::std_msgs::Header;
@@ -23,15 +23,6 @@ pub(super) struct Reading<'a> {
 
 /// Stamped values (ns since 1970) and their frame.
 pub(super) type Series<V> = (Vec<(i64, V)>, String);
-
-/// Values of one topic in the order of recording.
-pub(super) struct Gathered<V> {
-    pub topic: String,
-    pub samples: Vec<(Arrival, V)>,
-    pub frame: String,
-    /// Number of messages without relevant content, by the reason.
-    pub nothing: BTreeMap<String, u64>,
-}
 
 /// Content of a message.
 pub(super) enum Held<V, E> {

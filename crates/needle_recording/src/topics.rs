@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::error::RecordingError;
 use super::foreign::{ForceSource, POSES, PositionSource, WRENCHES};
-use super::recording::RecordingError;
 use super::selection::{Quantity, Selection};
 use super::unit::Dimension;
 use ros2_messages::RosMessage;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::Recording;
 use super::adapter::orientation;
-use super::recording::{DepthSample, ForceSample, MarkerSample, PoseSample};
+use super::sample::{DepthSample, ForceSample, MarkerSample, PoseSample, Sample};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Point, Pose, PoseArray, PoseStamped, Vector3, Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
@@ -16,21 +16,6 @@ use rosbag2_mcap::{BagError, BagWriter, Qos, TopicId, WriterOptions, Written};
 const OWN_CLOCK_NS: i64 = 315_964_800 * 1_000_000_000;
 /// Origin for such a clock: 2000-01-01. A stamp of zero would count as missing.
 const ZERO_NS: i64 = 946_684_800 * 1_000_000_000;
-
-/// The next sample to be written.
-pub(super) enum Sample<'a> {
-    Depth(DepthSample),
-    Pose(PoseSample),
-    Force(ForceSample),
-    Markers(&'a MarkerSample),
-}
-
-/// Which of four series comes next by the time of its first sample; for equal times the motion's.
-pub(super) fn first(times: [Option<f64>; 4]) -> Option<usize> {
-    (0..4)
-        .filter(|&k| times[k].is_some())
-        .min_by(|&a, &b| times[a].partial_cmp(&times[b]).unwrap_or(std::cmp::Ordering::Equal))
-}
 
 /// The bag that is being written.
 pub(super) struct Topics<'a> {
@@ -141,28 +126,5 @@ impl Recording {
         let mut topics = Topics::create(self, empty.map(|empty| !empty), folder, scene)?;
         self.in_time().try_for_each(|sample| topics.write(&sample))?;
         topics.finish()
-    }
-
-    /// All samples in order of time; for equal times the motion's first.
-    pub(super) fn in_time(&self) -> impl Iterator<Item = Sample<'_>> {
-        let mut next = [0_usize; 4];
-        std::iter::from_fn(move || {
-            let [d, p, f, m] = next;
-            let (depth, pose, force) = (self.depths.get(d), self.poses.get(p), self.forces.get(f));
-            let markers = self.markers.get(m);
-            let which = first([
-                depth.map(|s| s.time_s),
-                pose.map(|s| s.time_s),
-                force.map(|s| s.time_s),
-                markers.map(|s| s.time_s),
-            ])?;
-            next[which] += 1;
-            match which {
-                0 => depth.copied().map(Sample::Depth),
-                1 => pose.copied().map(Sample::Pose),
-                2 => force.copied().map(Sample::Force),
-                _ => markers.map(Sample::Markers),
-            }
-        })
     }
 }

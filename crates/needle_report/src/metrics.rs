@@ -230,7 +230,7 @@ fn ensemble_json(run: &Run, ensemble: &Ensemble) -> Value {
         "keys": ensemble.keys.iter().map(key).collect::<Vec<_>>(),
         "band_shares": Band::SHARES,
         "band_mean_width_n": finite(ensemble.mean_width_n()),
-        "measured_share_inside": finite(ensemble.share_inside(run)),
+        "measured_share_inside": finite(run.share_inside()),
         "target_depth_m": ensemble.target_depth_m,
         "targets": run.target_names.iter().zip(&ensemble.targets).map(target).collect::<Vec<_>>(),
         "assimilated": assimilated_json(run, ensemble),

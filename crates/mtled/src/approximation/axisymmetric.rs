@@ -328,7 +328,7 @@ impl Supported for AxisymmetricApproximation {
     }
 
     fn region(&self) -> &[u8] {
-        self.regions.of_cells()
+        &self.regions.of_cell
     }
 
     fn filled(&self) -> &[bool] {

@@ -16,7 +16,7 @@ pub(crate) struct MirroredSupports {
     /// The node of each image.
     original: Vec<u32>,
     /// Without one no node has an image.
-    mirror: Option<Mirror>,
+    pub(crate) mirror: Option<Mirror>,
     on_plane: Vec<bool>,
 }
 
@@ -47,7 +47,6 @@ impl MirroredSupports {
         Self::new(points, radii, interpolating, None, Vec::new())
     }
 
-    /// The same nodes with other radii.
     pub(crate) fn with_radii(&self, radii: &[f64]) -> Self {
         let points = &self.supports.points()[..self.nodes];
         Self::new(points, radii, self.interpolating(), self.mirror, self.on_plane.clone())
@@ -97,11 +96,6 @@ impl MirroredSupports {
     /// Which nodes have the almost singular weight.
     pub(crate) fn interpolating(&self) -> &[bool] {
         &self.supports.interpolating()[..self.nodes]
-    }
-
-    /// The plane.
-    pub(crate) const fn mirror(&self) -> Option<Mirror> {
-        self.mirror
     }
 
     /// Whether a node lies on the plane.

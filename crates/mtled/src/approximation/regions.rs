@@ -21,7 +21,8 @@ const RADII: [f64; 2] = [1.2, 0.9];
 /// Which region cells and nodes belong to; none: one region.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Regions {
-    of_cell: Vec<u8>,
+    /// Empty: one region.
+    pub(super) of_cell: Vec<u8>,
     /// One bit for each region that a node has a cell in.
     of_node: Vec<u64>,
     /// Node at a place, by the bits of its coordinates.
@@ -53,14 +54,8 @@ impl Regions {
         radii.iter_mut().zip(near).filter(|(_, near)| *near).for_each(|(r, _)| *r *= factor);
     }
 
-    /// Region of a cell.
     pub(super) fn of_cell(&self, cell: usize) -> u8 {
         self.of_cell.get(cell).copied().unwrap_or(0)
-    }
-
-    /// Region of each cell; empty: one region.
-    pub(super) fn of_cells(&self) -> &[u8] {
-        &self.of_cell
     }
 
     /// Leaves out the neighbours that are not of a region; `node` of a neighbour's index.

@@ -36,13 +36,11 @@ const CELLS_AT_A_TIME: usize = 2048;
 pub(super) trait Supported: Sync {
     /// What the rows describe.
     fn form(&self) -> Form;
-    /// Number of cells.
     fn cells(&self) -> usize;
     /// Places and volumes of a cell's integration points, m and m^3.
     fn points(&self, cell: usize) -> Vec<(Point, f64)>;
     /// Row of one of them, by the nodes of its support; of those `among` the entries, ascending, where they are given.
     fn row(&self, cell: usize, point: (Point, f64), among: Option<&[u32]>) -> Result<Row, ApproximationError>;
-    /// Rows of a cell.
     fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
         self.points(cell).into_iter().map(|point| self.row(cell, point, None)).collect()
     }

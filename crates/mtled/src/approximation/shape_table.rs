@@ -67,7 +67,6 @@ impl ShapeTable {
         self.region_of_cell(self.cell[point] as usize)
     }
 
-    /// Region of a cell.
     pub(crate) fn region_of_cell(&self, cell: usize) -> u8 {
         self.region.get(cell).copied().unwrap_or(0)
     }
@@ -82,7 +81,6 @@ impl ShapeTable {
         self.start[point] as usize..self.start[point + 1] as usize
     }
 
-    /// Adds an integration point.
     pub(super) fn push(&mut self, cell: usize, row: &Row) {
         self.nodes.extend_from_slice(&row.nodes);
         self.gradient.extend_from_slice(&row.gradient);

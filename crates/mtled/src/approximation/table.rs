@@ -3,6 +3,7 @@
 mod consistent;
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
@@ -45,8 +46,8 @@ pub struct Approximation {
     first: Vec<f64>,
     /// What each cell is integrated with.
     share: Vec<Share>,
-    /// Points that the caller brings.
-    given: GivenPoints,
+    /// Places (m) and volumes (m^3) of the points that the caller brings, by the cell that they belong to.
+    given: BTreeMap<usize, Vec<(Point, f64)>>,
     regions: Regions,
     /// Whether the cells of a region have four points each at least; beyond the end: no.
     four: Vec<bool>,
@@ -72,7 +73,7 @@ impl Approximation {
             spacing,
             first,
             share,
-            given: GivenPoints::default(),
+            given: BTreeMap::new(),
             regions: Regions::default(),
             four: Vec::new(),
         }
@@ -157,7 +158,7 @@ impl Approximation {
             Some(basis) => at.par_iter().map(|&x| self.mean(x, basis)).collect::<Result<_, _>>()?,
             None => at.par_iter().map(|&x| self.barycentric(x)).collect(),
         };
-        let mut field = Field { start: vec![0], mirror: self.supports.mirror(), ..Field::default() };
+        let mut field = Field { start: vec![0], mirror: self.supports.mirror, ..Field::default() };
         for row in rows {
             for (node, value) in row {
                 field.nodes.push(node);
@@ -215,99 +216,7 @@ impl Approximation {
         }
         best.1
     }
-}
 
-impl Supported for Approximation {
-    fn form(&self) -> Form {
-        self.supports.mirror().map_or(Form::Full, Form::Mirrored)
-    }
-
-    fn cells(&self) -> usize {
-        self.cells.len()
-    }
-
-    fn points(&self, cell: usize) -> Vec<([f64; 3], f64)> {
-        let c = &self.cells[cell];
-        if self.settings.basis.is_none() {
-            let Row { at, volume, .. } = self.linear(c);
-            return vec![(at, volume)];
-        }
-        match self.share[cell] {
-            Share::Own => self.gauss(c, self.regions.of_cell(cell)),
-            Share::With(other) => vec![self.pair([c, &self.cells[other as usize]])],
-            Share::Given => self.given.of(cell).to_vec(),
-            Share::Left => Vec::new(),
-        }
-    }
-
-    fn row(
-        &self,
-        cell: usize,
-        (at, volume): ([f64; 3], f64),
-        among: Option<&[u32]>,
-    ) -> Result<Row, ApproximationError> {
-        let Some(basis) = self.settings.basis else { return Ok(self.linear(&self.cells[cell])) };
-        self.with_fit(at, self.regions.of_cell(cell), among, basis, true, |neighbours, fit| Row {
-            at,
-            volume,
-            nodes: neighbours.iter().map(|n| self.supports.entry(n.node)).collect(),
-            gradient: fit.gradient.clone(),
-            squares: fit.gradient.iter().flatten().map(|g| g * g).sum(),
-        })
-    }
-
-    fn region(&self) -> &[u8] {
-        self.regions.of_cells()
-    }
-
-    fn edge(&self, cell: usize) -> f64 {
-        repair::mean(&self.spacing, &self.cells[cell])
-    }
-
-    fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
-        self.settings.basis.map_or(Ok(()), |basis| self.mean(x, basis).map(|_| ()))
-    }
-
-    fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {
-        self.supports = self.supports.enlarged(&self.first, factor, at);
-    }
-}
-
-/// Volume and gradients of the four barycentric coordinates of a tetrahedron.
-#[must_use]
-pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
-    let e = [1, 2, 3].map(|a| sub(x[a], x[0]));
-    let c = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
-    let six_v = dot(e[0], c[0]);
-    let g: [[f64; 3]; 3] = c.map(|c| c.map(|v| v / six_v));
-    let g0 = std::array::from_fn(|k| -(g[0][k] + g[1][k] + g[2][k]));
-    (six_v / 6.0, [g0, g[0], g[1], g[2]])
-}
-
-/// Points (m) and volumes (m^3) that the caller brings, by the cell that they belong to.
-#[derive(Clone, Debug, Default)]
-pub(super) struct GivenPoints {
-    /// Offsets, one more than cells.
-    start: Vec<u32>,
-    points: Vec<(Point, f64)>,
-}
-
-impl GivenPoints {
-    fn new(cells: usize, points: &[(u32, Point, f64)]) -> Self {
-        let start = (0..=cells as u32).map(|c| points.partition_point(|(cell, ..)| *cell < c) as u32).collect();
-        Self { start, points: points.iter().map(|&(_, at, volume)| (at, volume)).collect() }
-    }
-
-    /// Those of a cell.
-    pub(super) fn of(&self, cell: usize) -> &[(Point, f64)] {
-        match self.start.get(cell..cell + 2) {
-            Some(&[from, to]) => &self.points[from as usize..to as usize],
-            _ => &[],
-        }
-    }
-}
-
-impl Approximation {
     /// Integrates the cells of some regions with four points each, `four` by region: one point a cell does not see how a soft layer folds
     /// that is crushed between stiff ones.
     #[must_use]
@@ -335,7 +244,8 @@ impl Approximation {
         let four = std::mem::take(&mut self.four);
         self = self.with_four_points(&four);
         cells.iter().for_each(|&cell| self.share[cell as usize] = Share::Given);
-        self.given = GivenPoints::new(self.cells.len(), points);
+        self.given.clear();
+        points.iter().for_each(|&(cell, at, volume)| self.given.entry(cell as usize).or_default().push((at, volume)));
         self
     }
 
@@ -366,6 +276,73 @@ impl Approximation {
         let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
         (at, volume)
     }
+}
+
+impl Supported for Approximation {
+    fn form(&self) -> Form {
+        self.supports.mirror.map_or(Form::Full, Form::Mirrored)
+    }
+
+    fn cells(&self) -> usize {
+        self.cells.len()
+    }
+
+    fn points(&self, cell: usize) -> Vec<([f64; 3], f64)> {
+        let c = &self.cells[cell];
+        if self.settings.basis.is_none() {
+            let Row { at, volume, .. } = self.linear(c);
+            return vec![(at, volume)];
+        }
+        match self.share[cell] {
+            Share::Own => self.gauss(c, self.regions.of_cell(cell)),
+            Share::With(other) => vec![self.pair([c, &self.cells[other as usize]])],
+            Share::Given => self.given.get(&cell).cloned().unwrap_or_default(),
+            Share::Left => Vec::new(),
+        }
+    }
+
+    fn row(
+        &self,
+        cell: usize,
+        (at, volume): ([f64; 3], f64),
+        among: Option<&[u32]>,
+    ) -> Result<Row, ApproximationError> {
+        let Some(basis) = self.settings.basis else { return Ok(self.linear(&self.cells[cell])) };
+        self.with_fit(at, self.regions.of_cell(cell), among, basis, true, |neighbours, fit| Row {
+            at,
+            volume,
+            nodes: neighbours.iter().map(|n| self.supports.entry(n.node)).collect(),
+            gradient: fit.gradient.clone(),
+            squares: fit.gradient.iter().flatten().map(|g| g * g).sum(),
+        })
+    }
+
+    fn region(&self) -> &[u8] {
+        &self.regions.of_cell
+    }
+
+    fn edge(&self, cell: usize) -> f64 {
+        repair::mean(&self.spacing, &self.cells[cell])
+    }
+
+    fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
+        self.settings.basis.map_or(Ok(()), |basis| self.mean(x, basis).map(|_| ()))
+    }
+
+    fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {
+        self.supports = self.supports.enlarged(&self.first, factor, at);
+    }
+}
+
+/// Volume and gradients of the four barycentric coordinates of a tetrahedron.
+#[must_use]
+pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
+    let e = [1, 2, 3].map(|a| sub(x[a], x[0]));
+    let c = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
+    let six_v = dot(e[0], c[0]);
+    let g: [[f64; 3]; 3] = c.map(|c| c.map(|v| v / six_v));
+    let g0 = std::array::from_fn(|k| -(g[0][k] + g[1][k] + g[2][k]));
+    (six_v / 6.0, [g0, g[0], g[1], g[2]])
 }
 
 /// Barycentric points and weights of degree 1, 2 and 3 (the last with one negative weight: Keast).

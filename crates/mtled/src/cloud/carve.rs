@@ -89,7 +89,7 @@ fn faulty(points: usize, cells: &[[u32; 4]]) -> Result<Vec<Vec<u32>>, CloudError
 /// # Errors
 /// [`CloudError::NotMeshable`]: a corner of the mesh's surface is further from every node than cells are long.
 pub(crate) fn covers(outline: &Outline, spacing: &Spacing, points: &[Point]) -> Result<(), CloudError> {
-    let (low, high) = outline.bounds();
+    let (low, high) = outline.bounds;
     let mut grid = Grid::new(low, high, points.len());
     grid.refill(points);
     let lost = |p: &Point| !grid.any(points, *p, REACH * spacing.at(&Domain::Outline(outline), *p), |_, _| true);

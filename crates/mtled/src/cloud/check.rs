@@ -209,10 +209,8 @@ fn joined(points: usize, cells: &[[u32; 4]]) -> Result<(), Fault> {
     }
     let first = root(0, None);
     let bodies = (0..points as u32).filter(|&n| root(n, None) == n).count();
-    match (0..points as u32).find(|&n| root(n, None) != first) {
-        Some(node) => Err(Fault::Separate { bodies, node: node as usize }),
-        None => Ok(()),
-    }
+    let apart = (0..points as u32).find(|&n| root(n, None) != first);
+    apart.map_or(Ok(()), |node| Err(Fault::Separate { bodies, node: node as usize }))
 }
 
 fn used_nodes(points: &[Point], cells: &[[u32; 4]]) -> Result<(), Fault> {
@@ -225,10 +223,7 @@ fn used_nodes(points: &[Point], cells: &[[u32; 4]]) -> Result<(), Fault> {
             *flag = true;
         }
     }
-    match used.iter().position(|u| !u) {
-        Some(node) => Err(Fault::Isolated { node, position: points[node] }),
-        None => Ok(()),
-    }
+    used.iter().position(|u| !u).map_or(Ok(()), |node| Err(Fault::Isolated { node, position: points[node] }))
 }
 
 fn duplicates(points: &[Point]) -> Result<(), Fault> {
@@ -238,12 +233,8 @@ fn duplicates(points: &[Point]) -> Result<(), Fault> {
         let (p, q) = (key(a), key(b));
         p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1])).then(p[2].total_cmp(&q[2])).then(a.cmp(&b))
     });
-    match order.windows(2).find(|w| key(w[0]) == key(w[1])) {
-        Some(w) => {
-            Err(Fault::Duplicate { first: w[0] as usize, second: w[1] as usize, position: points[w[0] as usize] })
-        }
-        None => Ok(()),
-    }
+    let at_one_place = order.windows(2).find(|w| key(w[0]) == key(w[1])).map(|w| [w[0] as usize, w[1] as usize]);
+    at_one_place.map_or(Ok(()), |[first, second]| Err(Fault::Duplicate { first, second, position: points[first] }))
 }
 
 fn volumes(points: &[Point], cells: &[[u32; 4]]) -> Result<(), Fault> {

@@ -225,16 +225,11 @@ impl Builder<'_> {
 /// Four points that span a volume, far apart.
 fn first_cell(points: &[Point]) -> Result<[u32; 4], CloudError> {
     let flat = || CloudError::NotMeshable { reason: "all points lie in one plane".into() };
-    let farthest = |measure: &dyn Fn(Point) -> f64| {
-        let mut best = (0usize, -1.0);
-        for (i, &p) in points.iter().enumerate() {
-            let m = measure(p);
-            if m > best.1 {
-                best = (i, m);
-            }
-        }
-        best.0
+    // the first of several
+    let farther = |measure: &dyn Fn(Point) -> f64, a: usize, b: usize| {
+        if measure(points[b]) > measure(points[a]) { b } else { a }
     };
+    let farthest = |measure: &dyn Fn(Point) -> f64| (1..points.len()).fold(0, |best, i| farther(measure, best, i));
     use crate::vector::{cross, dot, norm, sub};
     let a = points[0];
     let b = points[farthest(&|p| norm(sub(p, a)))];

@@ -85,7 +85,7 @@ impl<'a> Domain<'a> {
         match *self {
             Domain::Cylinder { height, .. } | Domain::HalfCylinder { height, .. } => height,
             Domain::Box { size } | Domain::HalfBox { size } => size[2],
-            Domain::Outline(outline) => outline.top(),
+            Domain::Outline(outline) => outline.top,
         }
     }
 
@@ -94,7 +94,7 @@ impl<'a> Domain<'a> {
         match *self {
             Domain::Cylinder { radius, height } => std::f64::consts::PI * radius * radius * height,
             Domain::Box { size } => size[0] * size[1] * size[2],
-            Domain::Outline(outline) => outline.volume(),
+            Domain::Outline(outline) => outline.volume,
             half => 0.5 * half.whole().volume(),
         }
     }
@@ -105,7 +105,7 @@ impl<'a> Domain<'a> {
             Domain::Cylinder { radius, height } | Domain::HalfCylinder { radius, height } => radius.min(0.5 * height),
             Domain::Box { size } | Domain::HalfBox { size } => 0.5 * size[0].min(size[1]).min(size[2]),
             Domain::Outline(outline) => {
-                let (low, high) = outline.bounds();
+                let (low, high) = outline.bounds;
                 0.5 * [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(f64::INFINITY, f64::min)
             }
         }
@@ -134,7 +134,7 @@ impl<'a> Domain<'a> {
         match *self {
             Domain::Cylinder { radius, height } => ([-radius, -radius, 0.0], [radius, radius, height]),
             Domain::Box { size } => ([-0.5 * size[0], -0.5 * size[1], 0.0], [0.5 * size[0], 0.5 * size[1], size[2]]),
-            Domain::Outline(outline) => outline.bounds(),
+            Domain::Outline(outline) => outline.bounds,
             half => {
                 let ([x, _, z], high) = half.whole().bounds();
                 ([x, 0.0, z], high)
@@ -156,7 +156,6 @@ impl<'a> Domain<'a> {
         self.rim_distance([p[0], p[1]]).min(z).min(self.mirror_distance(p))
     }
 
-    /// Whether a point lies inside.
     pub(crate) fn is_inside(&self, p: Point) -> bool {
         match self {
             Domain::Outline(outline) => outline.cell_at(p).is_some(),
@@ -264,7 +263,7 @@ impl<'a> Domain<'a> {
             Domain::Box { size } | Domain::HalfBox { size } => {
                 vec![("sample size along x", size[0]), ("sample size along y", size[1]), ("sample height", size[2])]
             }
-            Domain::Outline(outline) => vec![("sample height", outline.top()), ("sample volume", outline.volume())],
+            Domain::Outline(outline) => vec![("sample height", outline.top), ("sample volume", outline.volume)],
         };
         for (key, value) in lengths {
             if !(value.is_finite() && value > 0.0) {

@@ -188,13 +188,8 @@ fn box_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
     let corner = |bits: usize| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { high[k] } else { low[k] });
     let faces = |p: Point| {
         let on = |k: usize, low_bit: u8, high_bit: u8| {
-            if p[k] == low[k] {
-                low_bit
-            } else if p[k] == high[k] {
-                high_bit
-            } else {
-                0
-            }
+            let ends = [(low[k], low_bit), (high[k], high_bit)];
+            ends.into_iter().find(|(end, _)| p[k] == *end).map_or(0, |(_, bit)| bit)
         };
         on(0, 4, 8) | on(1, if domain.is_half() { MIRROR } else { 16 }, 32) | on(2, BASE, TOP)
     };

@@ -300,7 +300,6 @@ impl Packing<'_> {
     }
 }
 
-/// Points within a distance of p.
 fn within<'a>(grid: &Grid, points: &'a [Point], p: Point, r: f64) -> impl Iterator<Item = Point> + use<'a> {
     let mut found = Vec::new();
     grid.any(points, p, r, |j, _| {

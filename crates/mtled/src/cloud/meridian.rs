@@ -139,7 +139,6 @@ impl Plane<'_> {
     /// Refuses more than [`MAX_NODES`] nodes before anything is allocated: area over spacing squared, and what the
     /// refinement round each feature adds at most.
     fn affordable(&self) -> Result<(), CloudError> {
-        let finest = self.spacing.finest();
         let mut nodes = DENSITY * self.radius * self.height / (self.spacing.far * self.spacing.far);
         for f in &self.spacing.features {
             // a half disc of directions round a point of the half plane, or a strip along the axis
@@ -147,17 +146,7 @@ impl Plane<'_> {
             let along = if f.path_nodes() > 0 { self.height } else { 0.0 };
             nodes += DENSITY * (PI / (g * g) * (1.0 + (far / near).ln()) + along / (g * near));
         }
-        if nodes.is_finite() && nodes <= MAX_NODES as f64 {
-            return Ok(());
-        }
-        Err(CloudError::TooManyNodes {
-            finest,
-            far: self.spacing.far,
-            nodes,
-            cells: 2.0 * nodes,
-            gigabytes: 2.0 * super::BYTES_PER_NODE * nodes * 1e-9,
-            limit: MAX_NODES,
-        })
+        self.spacing.room_for_cells(nodes, 2.0, 2.0 * super::BYTES_PER_NODE).map(drop)
     }
 
     fn grid(&self, points: &[Point]) -> Grid {

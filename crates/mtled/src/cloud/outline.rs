@@ -40,9 +40,10 @@ pub struct Outline {
     group: Vec<u32>,
     walls: Vec<Wall>,
     pub(crate) creases: Vec<Crease>,
-    bounds: (Point, Point),
-    top: f64,
-    volume: f64,
+    pub(crate) bounds: (Point, Point),
+    /// z where the instrument meets the body, m.
+    pub(crate) top: f64,
+    pub(crate) volume: f64,
     volumes: Tree,
     /// Of a surface alone: its walls by the columns over their shadows on z = 0.
     columns: Tree,
@@ -79,7 +80,7 @@ impl Outline {
             volume: if mesh.cells.is_empty() { enclosed(&walls) } else { mesh.volumes().iter().sum() },
             columns: if mesh.cells.is_empty() { columns(&walls, [low, high]) } else { Tree::default() },
             trees: trees(&walls),
-            inclusions: inclusions(&walls[outer..], &sides, outer, &mesh.volumes(), &group),
+            inclusions: inclusions(&walls, &sides, outer, &mesh.volumes(), &group),
             volumes: Tree::new(&of_cells),
             points: mesh.points.clone(),
             cells: mesh.cells.clone(),
@@ -88,19 +89,6 @@ impl Outline {
             walls,
             top,
         }
-    }
-
-    /// z where the instrument meets the body, m.
-    pub(crate) fn top(&self) -> f64 {
-        self.top
-    }
-
-    pub(crate) fn volume(&self) -> f64 {
-        self.volume
-    }
-
-    pub(crate) fn bounds(&self) -> (Point, Point) {
-        self.bounds
     }
 
     /// The mesh's cell that holds a point.
@@ -332,7 +320,6 @@ fn squared(p: Point, q: Point) -> f64 {
     dot(d, d)
 }
 
-/// A tree of the walls of each face.
 fn trees(walls: &[Wall]) -> Vec<(u8, Tree)> {
     let mut faces: Vec<u8> = walls.iter().map(|w| w.face).collect();
     faces.sort_unstable();
@@ -351,17 +338,15 @@ fn tree_of(walls: &[Wall], items: impl Iterator<Item = u32>) -> Tree {
 /// a tube, three halves of a plate's.
 const ACROSS: f64 = 1.0;
 
-/// What each group but the largest asks for, by the triangles between groups and the groups on both sides of each.
+/// What each group but the largest asks for, by the triangles between groups, from `outer` on, and the groups on both sides of each.
 fn inclusions(walls: &[Wall], sides: &[[u32; 2]], outer: usize, volumes: &[f64], group: &[u32]) -> Vec<Inclusion> {
     let mut volume: BTreeMap<u32, f64> = BTreeMap::new();
     volumes.iter().zip(group).for_each(|(v, g)| *volume.entry(*g).or_default() += v);
     let largest = volume.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(g, _)| *g);
     let of = |(&g, v): (&u32, &f64)| {
-        let own: Vec<u32> = (0..walls.len() as u32).filter(|&i| sides[i as usize].contains(&g)).collect();
-        let area: f64 = own.iter().map(|&i| walls[i as usize].area()).sum();
-        let boxes: Vec<[Point; 2]> = own.iter().map(|&i| bounds(&walls[i as usize].corners)).collect();
-        let named: Vec<u32> = own.iter().map(|i| i + outer as u32).collect();
-        Inclusion { walls: Tree::new(&boxes).renamed(&named), spacing: ACROSS * 3.0 * v / area }
+        let own = || (outer..walls.len()).filter(|&i| sides[i - outer].contains(&g));
+        let area: f64 = own().map(|i| walls[i].area()).sum();
+        Inclusion { walls: tree_of(walls, own().map(|i| i as u32)), spacing: ACROSS * 3.0 * v / area }
     };
     volume.iter().filter(|(g, _)| Some(**g) != largest).map(of).collect()
 }

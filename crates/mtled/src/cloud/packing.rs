@@ -222,7 +222,6 @@ impl Packing<'_> {
         }
     }
 
-    /// Short-range forces on the chosen nodes.
     fn relax(&self, nodes: &mut Nodes, grid: &mut Grid, iterations: usize, chosen: impl Fn(u8) -> bool) {
         let movable: Vec<u32> = (0..nodes.points.len() as u32)
             .filter(|&i| !nodes.fixed[i as usize] && chosen(nodes.faces[i as usize]))
@@ -298,20 +297,10 @@ fn icosahedron() -> [Point; 12] {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let s = 1.0 / (1.0 + golden * golden).sqrt();
     let (a, b) = (s, golden * s);
-    [
-        [0.0, a, b],
-        [0.0, a, -b],
-        [0.0, -a, b],
-        [0.0, -a, -b],
-        [a, b, 0.0],
-        [a, -b, 0.0],
-        [-a, b, 0.0],
-        [-a, -b, 0.0],
-        [b, 0.0, a],
-        [-b, 0.0, a],
-        [b, 0.0, -a],
-        [-b, 0.0, -a],
-    ]
+    std::array::from_fn(|i| {
+        let (a, b) = ([a, -a][i / 2 % 2], [b, -b][i % 2]);
+        [[0.0, a, b], [a, b, 0.0], [b, 0.0, a]][i / 4]
+    })
 }
 
 /// A rotation fixed by the node's number (uniform quaternion of hashed numbers).

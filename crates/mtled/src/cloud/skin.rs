@@ -24,7 +24,7 @@ const CLEARANCE: f64 = 0.55;
 pub(crate) fn place_creases(outline: &Outline, spacing: &Spacing, nodes: &mut Nodes) {
     let domain = &Domain::Outline(outline);
     let packing = Packing::new(domain, spacing);
-    let (low, high) = outline.bounds();
+    let (low, high) = outline.bounds;
     let mut grid = Grid::new(low, high, 4096);
     grid.refill(&nodes.points);
     let mut push = |p: Point, faces: u8| {
@@ -99,7 +99,6 @@ fn chains(outline: &Outline) -> Vec<(Vec<Point>, u8)> {
 }
 
 impl Packing<'_> {
-    /// Fills surface and interfaces.
     pub(crate) fn fill_skin(&self, outline: &Outline, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>) {
         for face in outline.faces() {
             let first = nodes.points.len();

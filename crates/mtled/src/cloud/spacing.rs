@@ -315,17 +315,23 @@ impl Spacing {
     /// # Errors
     /// More than [`MAX_NODES`].
     pub fn room_for(&self, nodes: f64) -> Result<f64, CloudError> {
-        if !nodes.is_finite() || nodes > MAX_NODES as f64 {
-            return Err(CloudError::TooManyNodes {
-                finest: self.finest(),
-                far: self.far,
-                nodes,
-                cells: CELLS_PER_NODE * nodes,
-                gigabytes: BYTES_PER_NODE * nodes * 1e-9,
-                limit: MAX_NODES,
-            });
+        self.room_for_cells(nodes, CELLS_PER_NODE, BYTES_PER_NODE)
+    }
+
+    /// The same for a kind of cloud with so many cells and bytes per node.
+    pub(crate) fn room_for_cells(&self, nodes: f64, cells: f64, bytes: f64) -> Result<f64, CloudError> {
+        if nodes.is_finite() && nodes <= MAX_NODES as f64 {
+            return Ok(nodes);
         }
-        Ok(nodes)
+        let (cells, gigabytes) = (cells * nodes, bytes * nodes * 1e-9);
+        Err(CloudError::TooManyNodes {
+            finest: self.finest(),
+            far: self.far,
+            nodes,
+            cells,
+            gigabytes,
+            limit: MAX_NODES,
+        })
     }
 
     /// Checks spacing, growth and features.
@@ -362,16 +368,13 @@ impl Spacing {
         }
         self.validate_pairs()
     }
-}
 
-impl Spacing {
     /// Region that a point lies in: 0, or one more than the place among the [`Feature::Region`]s of the first that holds it.
     #[must_use]
     pub fn region(&self, p: Point) -> u8 {
         self.solids().position(|solid| solid.signed(p) <= 0.0).map_or(0, |i| i as u8 + 1)
     }
 
-    /// The regions' solids.
     pub(crate) fn solids(&self) -> impl Iterator<Item = &Solid> {
         self.features.iter().filter_map(|f| match f {
             Feature::Region { solid, .. } => Some(solid),
@@ -388,9 +391,7 @@ impl Spacing {
     pub(crate) fn crossings(&self, curve: &dyn Fn(f64) -> Point) -> Vec<f64> {
         changes(&|t| self.region(curve(t))).into_iter().map(|[a, b]| 0.5 * (a + b)).collect()
     }
-}
 
-impl Spacing {
     /// A needle path must keep clear of contact rings and of other paths, at the top face at least.
     fn validate_pairs(&self) -> Result<(), CloudError> {
         for (i, f) in self.features.iter().enumerate() {

@@ -35,7 +35,7 @@ impl Distortional {
             Self::MooneyRivlin(law) => law.shear_modulus(),
             Self::Yeoh(law) => law.shear_modulus(),
             Self::VerondaWestmann(law) => law.shear_modulus(),
-            Self::Own(law) => law.shear_modulus(),
+            Self::Own(law) => law.shear_modulus,
         }
     }
 

@@ -69,7 +69,6 @@ pub(crate) fn cofactor_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>) 
     ]
 }
 
-/// F_a F_b - F_c F_d.
 #[inline(always)]
 fn minor<T: Number>(f: &Gradient<T>, a: usize, b: usize, c: usize, d: usize) -> T {
     f[a].product_sum(f[b], -(f[c] * f[d]))

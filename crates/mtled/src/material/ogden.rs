@@ -145,7 +145,6 @@ fn left_cauchy_green(f: &Gradient<f64>) -> Symmetric {
     [dot(0, 0), dot(3, 3), dot(6, 6), dot(0, 3), dot(3, 6), dot(6, 0)]
 }
 
-/// One row of a symmetric tensor.
 fn row(a: &Symmetric, i: usize) -> [f64; 3] {
     match i {
         0 => [a[0], a[3], a[5]],

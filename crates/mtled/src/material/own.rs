@@ -16,7 +16,8 @@ pub const MOST_CONSTANTS: usize = 8;
 #[derive(Clone, Copy, Debug)]
 pub struct Own {
     constants: [f64; MOST_CONSTANTS],
-    shear_modulus: f64,
+    /// Initial shear modulus, Pa.
+    pub(super) shear_modulus: f64,
     single: &'static dyn Erased<f32>,
     double: &'static dyn Erased<f64>,
 }
@@ -61,11 +62,6 @@ impl Own {
         let mut constants = [0.0; MOST_CONSTANTS];
         constants[..C].copy_from_slice(&law.constants());
         Self { constants, shear_modulus: law.shear_modulus(), single: functions, double: functions }
-    }
-
-    /// Initial shear modulus, Pa.
-    pub(super) fn shear_modulus(&self) -> f64 {
-        self.shear_modulus
     }
 
     /// Whether it is one law, whatever its constants.
@@ -158,7 +154,6 @@ impl<T: Real, L: IsochoricLaw<C>, const C: usize> Erased<T> for Functions<L, C> 
     }
 }
 
-/// One evaluation of eight points.
 struct Eight<'a, T, L, const C: usize> {
     constants: &'a [Lanes<T>; MOST_CONSTANTS],
     wave: &'a Wave<'a, Lanes<T>>,

@@ -49,7 +49,6 @@ pub(crate) struct Stretches<N> {
 }
 
 impl<N: Number> Stretches<N> {
-    /// Of a law.
     pub(crate) fn of(law: &Ogden) -> Self {
         let mut terms = [Term::default(); MOST_TERMS];
         for (to, t) in terms.iter_mut().zip(law.terms()) {
@@ -67,9 +66,7 @@ impl<N: Number> Stretches<N> {
 
 /// Where the terms of a law come from.
 pub(crate) trait Terms<N: Number>: Copy {
-    /// How many there are.
     fn count(&self) -> usize;
-    /// One of them.
     fn term(&self, k: usize) -> Term<N>;
 
     /// h at each eigenvalue, tr h and the energy density, from ln(J^-2/3 c) and (J_m - J) / (3 J_m).

@@ -78,7 +78,6 @@ pub(super) struct BlockScratch<T> {
 }
 
 impl<T: Real> BlockScratch<T> {
-    /// Memory for one block.
     pub(super) fn new(block: &Block<T>, mixed: bool) -> Self {
         Self {
             u: vec![[T::default(); 3]; block.nodes.len()],
@@ -90,7 +89,6 @@ impl<T: Real> BlockScratch<T> {
         }
     }
 
-    /// Deformation gradient in one slot.
     pub(super) fn deformation_in(&self, slot: usize) -> Gradient<f64> {
         self.deformation[slot / LANES].map(|f| f.0[slot % LANES].get())
     }

@@ -36,12 +36,9 @@ pub struct Surface {
 /// Whose surface holds a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(super) enum By {
-    /// Nobody's: the node is free.
     #[default]
     Nobody,
-    /// The instrument's.
     Instrument,
-    /// The base's.
     Base,
 }
 

@@ -13,10 +13,8 @@ pub(super) const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 /// # Safety
 /// Parts with different indices must not overlap, and it must be sound to use a part on any thread.
 pub(crate) unsafe trait Disjoint: Sync {
-    /// One part.
     type Part;
 
-    /// Number of parts.
     fn len(&self) -> usize;
 
     /// The part with index `i`.
@@ -124,17 +122,14 @@ impl Offsets {
         Self(offsets)
     }
 
-    /// Number of runs.
     pub(super) fn len(&self) -> usize {
         self.0.len() - 1
     }
 
-    /// Where a run lies.
     pub(super) fn run(&self, i: usize) -> std::ops::Range<usize> {
         self.0[i]..self.0[i + 1]
     }
 
-    /// Length of all runs together.
     pub(super) fn total(&self) -> usize {
         self.0.last().copied().unwrap_or(0)
     }

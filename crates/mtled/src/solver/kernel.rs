@@ -124,18 +124,6 @@ impl<T: Real> Tables<T> {
 }
 
 impl<T: Real> Kernel<T> {
-    /// Prepares the blocks of a shape table for a body of one material.
-    #[must_use]
-    pub fn new(
-        table: &ShapeTable,
-        cells: &[[u32; 4]],
-        points: &[[f64; 3]],
-        law: &Law,
-        volume_ratio: VolumeRatio,
-    ) -> Self {
-        Self::of_materials(table, cells, points, std::slice::from_ref(law), volume_ratio)
-    }
-
     /// Prepares the blocks of a shape table, with the law of each region.
     #[must_use]
     pub fn of_materials(
@@ -177,11 +165,6 @@ impl<T: Real> Kernel<T> {
     /// The same of other materials, on the same tables.
     pub(super) fn with_laws(&self, laws: &[Law]) -> Self {
         Self { constants: self.tables.constants(laws), tables: Arc::clone(&self.tables) }
-    }
-
-    /// The blocks of integration points.
-    pub(super) fn blocks(&self) -> &[Block<T>] {
-        &self.tables.blocks
     }
 
     /// Material of a block.

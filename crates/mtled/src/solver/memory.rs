@@ -42,7 +42,7 @@ cloned_field_by_field! {
         pub offset: f64,
         /// Pi, then h_i, of each group at the last commit, Pa.
         stress: Vec<OfGroup>,
-        sums: Sums,
+        pub sums: Sums,
         /// Whether it is of a half plane.
         axisymmetric: bool,
     }
@@ -87,11 +87,6 @@ impl Memory {
         self.held.is_empty()
     }
 
-    /// Integrals at the last commit.
-    pub(super) fn sums(&self) -> &Sums {
-        &self.sums
-    }
-
     /// H of the point in one slot; `None` for an elastic material.
     pub(super) fn held_in(&self, slot: usize) -> Option<Symmetric> {
         self.held.get(slot / LANES).map(|held| held.map(|h| h.0[slot % LANES]))
@@ -108,9 +103,7 @@ impl Memory {
         }
         held
     }
-}
 
-impl Memory {
     /// Fixes H and gamma for an increment of `dt` seconds from the last commit.
     pub(super) fn begin(&mut self, series: &Prony, dt: f64) {
         if self.is_empty() {

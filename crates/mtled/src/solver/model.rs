@@ -119,12 +119,10 @@ impl Workspace {
         Self { pool, scratch, image: vec![[0.0; 3]; nodes], sample, stop: Arc::default() }
     }
 
-    /// Whether that flag is set.
     pub(super) fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Threads that a step uses.
     pub(super) fn threads(&self) -> usize {
         self.pool.threads()
     }
@@ -152,7 +150,7 @@ impl Model {
             // Blocks are what threads share, and a half plane has one or a few. So short a step gains nothing from a
             // second thread on a quiet machine, and loses tenfold where one has to wait for a processor.
             Form::Axisymmetric => {
-                let blocks = with_kernel!((&kernel) => (k) { k.blocks().len() });
+                let blocks = with_kernel!((&kernel) => (k) { k.tables.blocks.len() });
                 settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD))
             }
         };

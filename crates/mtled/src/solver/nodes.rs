@@ -109,7 +109,6 @@ impl<'a> Nodes<'a> {
         Self { first: i * NODES_PER_CHUNK, u, q, tangent: [x, y, z], f, touch }
     }
 
-    /// All nodes of a state.
     pub(super) fn all(state: &'a mut Moving) -> Self {
         Self {
             first: 0,

@@ -264,17 +264,24 @@ impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T
             let here = volume * volume;
             energy += (volume * density).where_positive(here, zero);
             let factor = volume * V::load(&block.scale[group]);
-            let mut spread = [zero; 9];
-            for i in 0..9 {
-                if is_there::<AXISYMMETRIC>(i) {
-                    spread[i] = (factor * stress[i]).where_positive(here, zero);
-                }
-            }
+            let spread = scaled::<V, AXISYMMETRIC>(&stress, factor, here);
             let range = block.start[group] as usize..block.start[group + 1] as usize;
             scatter::<T, V, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, lanes);
         }
         scratch.energy = energy.store().sum().get();
     }
+}
+
+/// A stress times a factor where there is tissue; else zero.
+#[inline(always)]
+pub(super) fn scaled<V: Number, const AXISYMMETRIC: bool>(stress: &Gradient<V>, factor: V, here: V) -> Gradient<V> {
+    let mut out = [V::default(); 9];
+    for i in 0..9 {
+        if is_there::<AXISYMMETRIC>(i) {
+            out[i] = (factor * stress[i]).where_positive(here, V::default());
+        }
+    }
+    out
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients. In a half plane the second component of a gradient belongs to the hoop strain

@@ -64,9 +64,7 @@ impl Constants {
             _ => None,
         }
     }
-}
 
-impl Constants {
     /// Largest stiffness (Pa) of a plane wave u = a sin(N X) in the state F with projected pressure `pressure`:
     /// the largest a.A(N).a over unit vectors a, N, with A = dP/dF.
     ///
@@ -315,7 +313,6 @@ impl<T: Real, V: Vector<T>> Terms<V> for SplatTerms<'_, T> {
 
 /// A law of single points in the kernel's own precision, whose numbers a register holds once for each lane, whoever stands there.
 pub(super) trait LaneLaw<T: Real>: Copy {
-    /// Its numbers in registers.
     type Wide<V: Vector<T>>: WideLaw<V>;
     /// The law in every lane.
     fn splat<V: Vector<T>>(&self) -> Self::Wide<V>;
@@ -351,11 +348,8 @@ impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
 
 /// A law of the change of shape in the kernel's own precision.
 pub(super) trait LaneShape<T: Real>: Copy {
-    /// Its numbers in registers.
     type Wide<V: Vector<T>>: Shape<V>;
-    /// See [`LaneLaw::splat`].
     fn splat<V: Vector<T>>(&self) -> Self::Wide<V>;
-    /// See [`LaneLaw::side_by_side`].
     fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V>;
 }
 
@@ -393,7 +387,6 @@ impl<T: Real> LaneShape<T> for own::Wide<T, T> {
     }
 }
 
-/// Constants in every lane.
 #[inline(always)]
 fn splat_all<T: Real, V: Vector<T>, const C: usize>(constants: &[T; C]) -> [V; C] {
     let mut out = [V::default(); C];
@@ -403,7 +396,6 @@ fn splat_all<T: Real, V: Vector<T>, const C: usize>(constants: &[T; C]) -> [V; C
     out
 }
 
-/// Each lane's own constants.
 #[inline(always)]
 fn each_of<T: Real, V: Vector<T>, const C: usize>(constants: &[&[T; C]; LANES]) -> [V; C] {
     let mut out = [V::default(); C];
@@ -431,7 +423,6 @@ pub(super) struct Volume<N> {
 }
 
 impl<N: Number> Volume<N> {
-    /// Energy density and pressure.
     #[inline(always)]
     pub(super) fn own(&self, j: N) -> (N, N) {
         if self.resists_collapse {
@@ -458,7 +449,6 @@ impl<N: Number> Volume<N> {
 }
 
 impl<T: Real> Volume<T> {
-    /// In registers.
     #[inline(always)]
     pub(super) fn splat<V: Vector<T>>(&self) -> Volume<V> {
         let Self { pointwise, projected, resists_collapse, law } = *self;
@@ -490,7 +480,6 @@ impl<T: Real, S: LaneShape<T>> LaneLaw<T> for WithVolume<S, T> {
 }
 
 impl<T: Real> Term<T> {
-    /// In registers.
     #[inline(always)]
     pub(crate) fn splat<V: Vector<T>>(&self) -> Term<V> {
         let Self { half, factor, energy, modulus } = *self;

@@ -16,13 +16,12 @@ use super::strip::{FIELDS, Strip, StripScratch};
 /// Coarse nodes per part of a phase over them; under Miri so few that a tiny model has several parts.
 const COARSE_PER_CHUNK: usize = if cfg!(miri) { 4 } else { 64 };
 
-/// The projection of the dilation.
 #[derive(Debug)]
 pub(super) struct Projection<T> {
     /// N_aP, [`NODES_PER_CHUNK`] nodes each; none with the pointwise volume ratio.
     pub strips: Vec<Strip<T>>,
     /// Where the sums of each strip begin.
-    runs: Offsets,
+    pub runs: Offsets,
     shares: Shares,
     /// V_P, m^3.
     pub volume: Vec<f64>,
@@ -65,15 +64,14 @@ impl<T: Real> Projection<T> {
             Vec::new()
         };
         Self {
-            runs: Offsets::of(strips.iter().map(|s| s.coarse().len())),
-            shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
+            runs: Offsets::of(strips.iter().map(|s| s.coarse.len())),
+            shares: Shares::of(strips.iter().map(|s| s.coarse.as_slice()), dilatation.count),
             volume,
             region: dilatation.region.clone(),
             strips,
         }
     }
 
-    /// Scratch memory.
     pub(super) fn scratch(&self, mixed: bool) -> ProjectionScratch<T> {
         let coarse = self.volume.len();
         let fields = |of: usize| [true, mixed].map(|there| vec![T::default(); if there { of } else { 0 }]);
@@ -149,11 +147,6 @@ impl<T: Real> Projection<T> {
         let nodal = (Each::new(&mut scratch.strips), (nodal_p, nodal_r));
         pool.each(nodal, |s, (scratch, (a, b))| run(ToNodes(&self.strips[s], scratch, [p, r], [a, b])));
         scratch.nodal.each_ref().map(Vec::as_slice)
-    }
-
-    /// Number of the sums of all strips, and where those of each begin.
-    pub(super) fn runs(&self) -> &Offsets {
-        &self.runs
     }
 
     /// Positions of a coarse node's sums.

@@ -9,19 +9,14 @@ use super::state::Moving;
 use crate::number::Real;
 
 impl<T: Real> Kernel<T> {
-    /// Whether any material relaxes.
-    fn relaxes(&self) -> bool {
-        self.constants.iter().any(|c| !c.law.prony.is_empty())
-    }
-
     /// See [`Solver::stress_relaxation`].
     fn stress_relaxation(&self, memory: &[Memory], dt: f64) -> f64 {
-        let total = memory.iter().map(|m| m.sums().total).sum::<f64>().sqrt();
+        let total = memory.iter().map(|m| m.sums.total).sum::<f64>().sqrt();
         let of_region = |(region, constants): (usize, &Constants)| -> f64 {
             let prony = &constants.law.prony;
             let decay = prony.increment(dt).decay;
-            let own = || self.blocks().iter().zip(memory).filter(|(b, _)| usize::from(b.region) == region);
-            let term = |i: usize| own().map(|(_, m)| m.sums().terms[i]).sum::<f64>().sqrt();
+            let own = || self.tables.blocks.iter().zip(memory).filter(|(b, _)| usize::from(b.region) == region);
+            let term = |i: usize| own().map(|(_, m)| m.sums.terms[i]).sum::<f64>().sqrt();
             (0..prony.len()).map(|i| (1.0 - decay[i]) * term(i)).sum()
         };
         let change: f64 = self.constants.iter().enumerate().map(of_region).sum();
@@ -30,9 +25,8 @@ impl<T: Real> Kernel<T> {
 }
 
 impl Model {
-    /// Whether the material relaxes.
     pub(super) fn relaxes(&self) -> bool {
-        with_kernel!((&self.kernel) => (k) { k.relaxes() })
+        with_kernel!((&self.kernel) => (k) { k.constants.iter().any(|c| !c.law.prony.is_empty()) })
     }
 }
 

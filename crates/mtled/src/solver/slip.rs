@@ -5,7 +5,7 @@ use super::drag::Drag;
 
 cloned_field_by_field! {
     /// Slip: what a dragged body remembers.
-    #[derive(Debug)]
+    #[derive(Debug, Default)]
     pub(super) struct Slip {
         /// d, m.
         pub at: f64,
@@ -59,7 +59,6 @@ impl Drag {
     pub(super) fn slip(&self) -> Slip {
         let (layers, rings) = (self.walls.len(), self.areas.len());
         Slip {
-            at: 0.0,
             wall: vec![0.0; layers],
             end: vec![0.0; rings],
             wall_floor: vec![0.0; layers],
@@ -67,11 +66,10 @@ impl Drag {
             began: vec![0.0; rings],
             pull: vec![0.0; layers],
             push: vec![0.0; rings],
-            stopped: false,
-            dissipated: 0.0,
             held: vec![false; self.nodes.len()],
             step: vec![0.0; self.nodes.len()],
             load: vec![0.0; self.nodes.len()],
+            ..Slip::default()
         }
     }
 }

@@ -86,7 +86,7 @@ cloned_field_by_field! {
 }
 
 /// Tangent motions of all nodes along x, y and z, each for itself: an instrument mostly moves along one of them.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Tangent(pub [Vec<[f64; 3]>; 3]);
 
 impl Tangent {
@@ -140,7 +140,7 @@ cloned_field_by_field! {
 cloned_field_by_field! {
     /// What is kept of where the tissue is, to come back to in trouble: velocities that led into it are not worth keeping, and forces and
     /// touches follow from the rest.
-    #[derive(Debug)]
+    #[derive(Debug, Default)]
     pub(super) struct Kept {
         u: Vec<[f64; 3]>,
         tangent: Tangent,
@@ -153,18 +153,10 @@ cloned_field_by_field! {
 }
 
 impl Kept {
-    /// Of a state.
     pub(super) fn of(moving: &Moving) -> Self {
-        let Moving { u, tangent, mass_factor, time, memory, offset, slip, .. } = moving;
-        Self {
-            u: u.clone(),
-            tangent: tangent.clone(),
-            mass_factor: *mass_factor,
-            time: *time,
-            memory: memory.clone(),
-            offset: *offset,
-            slip: slip.clone(),
-        }
+        let mut kept = Self::default();
+        kept.keep(moving);
+        kept
     }
 
     /// Keeps another; allocates nothing.

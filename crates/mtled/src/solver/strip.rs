@@ -15,7 +15,7 @@ pub(super) const FIELDS: usize = 2;
 pub(super) struct Strip<T> {
     nodes: Range<usize>,
     /// Global index of each local coarse node, ascending.
-    coarse: Vec<u32>,
+    pub coarse: Vec<u32>,
     /// Offsets into `local` and `value`, one more than groups.
     start: Vec<u32>,
     /// Local index of the coarse node.
@@ -24,7 +24,6 @@ pub(super) struct Strip<T> {
     value: Vec<Lanes<T>>,
 }
 
-/// A strip's scratch memory.
 #[derive(Debug)]
 pub(super) struct StripScratch<T> {
     /// Of each local coarse node and field: sums by lane, zero between products.
@@ -34,7 +33,6 @@ pub(super) struct StripScratch<T> {
 }
 
 impl<T: Real> StripScratch<T> {
-    /// Memory for one strip.
     pub(super) fn new(strip: &Strip<T>) -> Self {
         let coarse = strip.coarse.len();
         Self { lanes: vec![[Lanes::default(); FIELDS]; coarse], handed: vec![[T::default(); FIELDS]; coarse] }
@@ -61,11 +59,6 @@ impl<T: Real> Strip<T> {
             strip.start.push(strip.value.len() as u32);
         }
         strip
-    }
-
-    /// Coarse nodes of this run, ascending.
-    pub(super) fn coarse(&self) -> &[u32] {
-        &self.coarse
     }
 
     /// Sums N_aP x_a over the run's nodes, for each of its coarse nodes; N fields at once.
@@ -186,7 +179,7 @@ mod tests {
             |a: usize| (0..9).filter(move |p| !(a as u32 + p).is_multiple_of(3)).map(move |p| (p, value(a, p)));
         let strip: Strip<f64> = Strip::new(4..17, entries);
         let mut scratch = StripScratch::new(&strip);
-        assert_eq!(strip.coarse(), (0..9).collect::<Vec<u32>>());
+        assert_eq!(strip.coarse, (0..9).collect::<Vec<u32>>());
         let x = |a: usize| (a * a) as f64;
         let mut sums = [f64::NAN; 9];
         for again in 0..2 {

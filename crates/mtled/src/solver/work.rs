@@ -21,11 +21,11 @@ pub struct StepWork {
 
 impl<T: Real> Kernel<T> {
     fn work(&self) -> StepWork {
-        let points: usize = self.blocks().iter().map(|b| b.occupied().count()).sum();
-        let visits: usize = self.blocks().iter().map(|b| b.local.len()).sum();
+        let points: usize = self.tables.blocks.iter().map(|b| b.occupied().count()).sum();
+        let visits: usize = self.tables.blocks.iter().map(|b| b.local.len()).sum();
         let here = |g: &[[T::Stored; LANES]; 3], lane: usize| g.iter().any(|g| g[lane] != T::Stored::default());
         let used = |g: &[[T::Stored; LANES]; 3]| (0..LANES).filter(|&lane| here(g, lane)).count();
-        let entries: usize = self.blocks().iter().flat_map(|b| &b.gradient).map(used).sum();
+        let entries: usize = self.tables.blocks.iter().flat_map(|b| &b.gradient).map(used).sum();
         let (points, visits) = (points as f64, visits as f64);
         let visit = (3 * LANES * size_of::<T::Stored>() + size_of::<u16>()) as f64;
         StepWork {

@@ -67,7 +67,8 @@ pub fn inside(cloud: &Cloud, random: &mut ChaCha8Rng) -> [f64; 3] {
 
 /// Internal force on every node, N, in double precision and with the presets' volume ratio.
 pub fn internal_force(points: &[[f64; 3]], cells: &[[u32; 4]], table: &ShapeTable, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let kernel = Kernel::<f64>::new(table, cells, points, &Law::neo_hookean(MU, KAPPA), VolumeRatio::Projected);
+    let kernel =
+        Kernel::<f64>::of_materials(table, cells, points, &[Law::neo_hookean(MU, KAPPA)], VolumeRatio::Projected);
     kernel.internal_force(&mut Pool::new(1), u).force
 }
 

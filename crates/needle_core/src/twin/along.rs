@@ -3,9 +3,9 @@
 use crate::scene::{Instrument, InstrumentKind, Scene};
 use mtled::cloud::Axis;
 
+use super::body::Body;
 use super::tissue::Tissue;
-use super::{Body, Phase, Twin};
-use crate::instrument::{Contact, Resistance};
+use crate::instrument::{Contact, Phase, Resistance};
 
 /// What lies in no region: of `[material]`.
 pub const REST: &str = "sample";
@@ -123,26 +123,6 @@ pub(super) fn meets_rigid(scene: &Scene, body: &Body) -> Option<String> {
 
 /// Regions whose boundaries are followed.
 pub const FOLLOWED: usize = 8;
-
-impl Twin {
-    /// Regions on the instrument's path.
-    #[must_use]
-    pub fn along(&self) -> &Along {
-        &self.fixed.along
-    }
-
-    /// Depths of the tip at which it comes into the first regions of its path as the deformed tissue has them now, m; NaN where there is
-    /// none. `None` but for a needle with friction: others come into a region where the scene has it.
-    #[must_use]
-    pub fn boundaries_m(&self) -> Option<[f64; FOLLOWED]> {
-        let Some(Contact::Frictional(needle)) = &self.contact else { return None };
-        let mut depths = [f64::NAN; FOLLOWED];
-        for (depth, (from, _)) in depths.iter_mut().zip(&self.fixed.along.stretches) {
-            *depth = needle.deformed(*from, &self.solver);
-        }
-        Some(depths)
-    }
-}
 
 /// Where the path passes from one region to another: lengths along its axis from the top, m.
 fn stretches(

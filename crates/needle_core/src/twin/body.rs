@@ -2,11 +2,11 @@
 
 use crate::instrument::{Contact, Resistance, surface};
 use crate::mesh::Volumes;
-use crate::scene::{Cells, Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
+use crate::scene::{Cells, Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, MAX_GROWTH, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
-use super::{BuildError, hexahedra, mesh, outline, regions};
+use super::{BuildError, hexahedra, regions};
 
 /// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
 const PATH_MARGIN: f64 = 1.0;
@@ -87,33 +87,6 @@ pub struct Body {
 }
 
 impl Body {
-    /// Generates the scene's cloud, or reads its mesh file.
-    ///
-    /// # Errors
-    /// [`BuildError`] if the cloud can't be made, or the mesh doesn't fit the scene.
-    pub fn new(scene: &Scene) -> Result<Self, BuildError> {
-        let grading = scene.grading();
-        let (domain, grading) = match (&scene.sample.shape, &grading) {
-            (Shape::Mesh(file), _) => return mesh::body(scene, file),
-            (Shape::Outline(file), Some(grading)) => return outline::body(scene, file, grading),
-            (_, None) => {
-                return Err(BuildError::Unsupported {
-                    key: "discretisation.spacing_m",
-                    reason: "a cylinder, box or outline needs a spacing",
-                });
-            }
-            (Shape::Cylinder { diameter, height }, Some(grading)) => {
-                (Domain::Cylinder { radius: 0.5 * diameter.get(), height: height.get() }, grading)
-            }
-            (Shape::Box { size_x, size_y, height }, Some(grading)) => {
-                (Domain::Box { size: [*size_x, *size_y, *height].map(Metres::get) }, grading)
-            }
-        };
-        generated(scene, &domain, grading)
-    }
-}
-
-impl Body {
     /// The same with the cloud of the whole body.
     #[must_use]
     pub fn whole(mut self) -> Self {
@@ -134,7 +107,7 @@ impl Body {
     }
 }
 
-fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, BuildError> {
+pub(super) fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, BuildError> {
     let layout = Layout::new(scene, domain, grading);
     let height = domain.height();
     let mirror = scene.mirror();

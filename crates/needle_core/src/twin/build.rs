@@ -3,20 +3,20 @@
 use std::sync::Arc;
 
 use crate::instrument::{Contact, NeedlePath};
-use crate::scene::{Dimension, Instrument, InstrumentKind, Region, Scene};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Metres, Region, Scene, Shape};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, ShapeTable};
-use mtled::cloud::{Cloud, Reflected, TOP};
+use mtled::cloud::{Cloud, Domain, Reflected, TOP};
 use mtled::mirror::Mirror;
 use mtled::solver::Role;
 
 use super::assembly::{Built, Phi, frictional, in_tissue, interpolating, press, roles, settings, solver, surfaces};
 use super::moved::{self, Moved};
 use super::pace::Pace;
-use super::recover::Saved;
+use super::saved::Saved;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Along, Body, BuildError, Fixed, Progress, Twin, axisymmetric, hexahedra, regions};
+use super::{Along, Body, BuildError, Fixed, Progress, Twin, axisymmetric, body, hexahedra, mesh, outline, regions};
 
 impl Twin {
     /// Builds cloud, shape functions and masses for a scene, on as many threads as the present rayon pool has.
@@ -82,7 +82,7 @@ impl Twin {
         };
         let mut twin = Self {
             folds: super::Folds::new(&fixed.tissue),
-            recovered: super::Recovered::new(&fixed),
+            recovered: super::Recovered::new(&fixed.scene, &fixed.tissue, fixed.top),
             fixed: Arc::new(fixed),
             solver,
             saved: Saved::new(contact.clone()),
@@ -93,6 +93,33 @@ impl Twin {
         };
         twin.begin();
         Ok(twin)
+    }
+}
+
+impl Body {
+    /// Generates the scene's cloud, or reads its mesh file.
+    ///
+    /// # Errors
+    /// [`BuildError`] if the cloud can't be made, or the mesh doesn't fit the scene.
+    pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        let grading = scene.grading();
+        let (domain, grading) = match (&scene.sample.shape, &grading) {
+            (Shape::Mesh(file), _) => return mesh::body(scene, file),
+            (Shape::Outline(file), Some(grading)) => return outline::body(scene, file, grading),
+            (_, None) => {
+                return Err(BuildError::Unsupported {
+                    key: "discretisation.spacing_m",
+                    reason: "a cylinder, box or outline needs a spacing",
+                });
+            }
+            (Shape::Cylinder { diameter, height }, Some(grading)) => {
+                (Domain::Cylinder { radius: 0.5 * diameter.get(), height: height.get() }, grading)
+            }
+            (Shape::Box { size_x, size_y, height }, Some(grading)) => {
+                (Domain::Box { size: [*size_x, *size_y, *height].map(Metres::get) }, grading)
+            }
+        };
+        body::generated(scene, &domain, grading)
     }
 }
 

@@ -114,6 +114,11 @@ impl Twin {
     pub(super) fn energy_floor(&self) -> f64 {
         ENERGY_FLOOR * self.fixed.scene.material.shear_modulus() * self.fixed.height.powi(3)
     }
+
+    /// Kinetic over strain energy.
+    pub(super) fn energies(&self, balance: &Balance) -> f64 {
+        balance.kinetic / balance.strain.max(self.energy_floor())
+    }
 }
 
 #[cfg(test)]

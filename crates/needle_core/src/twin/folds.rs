@@ -12,7 +12,6 @@
 
 use mtled::solver::Solver;
 
-use super::Twin;
 use super::tissue::{Fields, Tissue};
 
 /// Where the model's nodes are, as last looked at, m: memory that is there before the first step.
@@ -27,7 +26,7 @@ impl Folds {
     }
 
     /// Share of the strain energy (of the whole body, J) in cells that have turned over.
-    fn energy(&mut self, tissue: &Tissue, solver: &Solver, strain: f64) -> f64 {
+    pub(super) fn energy(&mut self, tissue: &Tissue, solver: &Solver, strain: f64) -> f64 {
         let u = solver.parameters();
         for (n, place) in self.places.iter_mut().enumerate() {
             let (there, by) = (tissue.at_rest(n), tissue.fields.node(n, u));
@@ -41,14 +40,6 @@ impl Folds {
         let folded: f64 = (0..tissue.model.volume.len()).filter(turned_over).map(|p| solver.energy_of(p)).sum();
         let halves = if matches!(tissue.fields, Fields::Mirrored { .. }) { 2.0 } else { 1.0 };
         (halves * folded / strain).min(1.0)
-    }
-}
-
-impl Twin {
-    /// Share of the strain energy (J) in cells that have turned over.
-    pub(super) fn folded_energy(&mut self, strain: f64) -> f64 {
-        let strain = strain.max(self.energy_floor());
-        self.folds.energy(&self.fixed.tissue, &self.solver, strain)
     }
 }
 

@@ -1,7 +1,7 @@
 //! What happened to the tissue in the last pose, with the force on either side of it.
 
-use super::{Event, Phase, Twin};
-use crate::instrument::{Contact, Tip};
+use super::along::Along;
+use crate::instrument::{Contact, Event, Phase, Tip};
 
 /// Events of one pose that there is room for without an allocation.
 const ROOM: usize = 16;
@@ -43,8 +43,40 @@ impl Happened {
         self.closed = 0;
     }
 
-    pub(crate) fn note(&mut self, event: Event) {
+    fn note(&mut self, event: Event) {
         self.list.push(Happening { event, force_before_n: self.force_n, force_after_n: self.force_n });
+    }
+
+    /// The events in their order.
+    pub(crate) fn list(&self) -> &[Happening] {
+        &self.list
+    }
+
+    /// Notes what the instrument has seen, and the regions that a kinematic needle came into: its tip stands before the material
+    /// that lay at its depth.
+    pub(crate) fn see(
+        &mut self,
+        event: Option<Event>,
+        tip: &Tip,
+        phase: Phase,
+        contact: Option<&Contact>,
+        along: &Along,
+    ) {
+        if let Some(Contact::Needle(_)) = contact {
+            if let Some(Event::Puncture { depth_m, .. }) = event {
+                let region = along.region(depth_m, Phase::Penetration).unwrap_or(0);
+                self.note(Event::Puncture { depth_m, region });
+                self.inside_m = self.inside_m.max(depth_m);
+            }
+            if phase == Phase::Penetration && tip.depth > self.inside_m {
+                for (depth_m, region) in along.boundaries(self.inside_m, tip.depth) {
+                    self.note(Event::Entered { depth_m, region });
+                }
+                self.inside_m = tip.depth;
+            }
+        } else if let Some(event) = event {
+            self.note(event);
+        }
     }
 
     /// The force at a place at which the model has come to an answer.
@@ -63,35 +95,6 @@ impl Happened {
     pub fn reset(&mut self) {
         self.begin();
         (self.force_n, self.inside_m) = ([0.0; 3], 0.0);
-    }
-}
-
-impl Twin {
-    /// What happened to the tissue in the last pose that was answered, in its order.
-    #[must_use]
-    pub fn happened(&self) -> &[Happening] {
-        &self.happened.list
-    }
-
-    /// Notes what the instrument has seen, and the regions that a kinematic needle came into: its tip stands before the material
-    /// that lay at its depth.
-    pub(super) fn note(&mut self, event: Option<Event>, tip: &Tip, phase: Phase) {
-        if let Some(Contact::Needle(_)) = &self.contact {
-            let along = &self.fixed.along;
-            if let Some(Event::Puncture { depth_m, .. }) = event {
-                let region = along.region(depth_m, Phase::Penetration).unwrap_or(0);
-                self.happened.note(Event::Puncture { depth_m, region });
-                self.happened.inside_m = self.happened.inside_m.max(depth_m);
-            }
-            if phase == Phase::Penetration && tip.depth > self.happened.inside_m {
-                for (depth_m, region) in along.boundaries(self.happened.inside_m, tip.depth) {
-                    self.happened.note(Event::Entered { depth_m, region });
-                }
-                self.happened.inside_m = tip.depth;
-            }
-        } else if let Some(event) = event {
-            self.happened.note(event);
-        }
     }
 }
 

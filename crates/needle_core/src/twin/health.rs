@@ -1,9 +1,5 @@
 //! How far a prediction is from a quasi-static equilibrium.
 
-use mtled::solver::Balance;
-
-use super::Twin;
-
 /// Health of a prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Health {
@@ -38,34 +34,4 @@ impl Health {
     pub const MOST_FOLDED: f64 = 0.05;
     /// Force over the peak force below which the ratio of energies says nothing.
     pub const LOADED: f64 = 0.1;
-}
-
-impl super::Prediction {
-    /// Error of the force that the model makes, N: the discretisation's, and what the forces on instrument and base differ by, which is how
-    /// far the steps are from an equilibrium. At 95 of 100 poses it is at least the difference to a fine cloud at rest
-    /// (`docs/lab/model_error.md`).
-    #[must_use]
-    pub fn model_error_n(&self) -> f64 {
-        let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let unbalanced = length(self.unbalanced_n());
-        (self.health.discretisation_error * length(self.force_n)).hypot(unbalanced)
-    }
-}
-
-impl Twin {
-    pub(super) fn health(&self, balance: &Balance) -> Health {
-        Health {
-            min_jacobian: self.solver.min_jacobian(),
-            kinetic_to_strain_energy: self.energies(balance),
-            force_imbalance: self.progress.pace.imbalance,
-            constraint_error_m: self.progress.constraint_error_m,
-            folded_energy: self.progress.folded_energy,
-            discretisation_error: self.progress.discretisation_error,
-        }
-    }
-
-    /// Kinetic over strain energy.
-    pub(super) fn energies(&self, balance: &Balance) -> f64 {
-        balance.kinetic / balance.strain.max(self.energy_floor())
-    }
 }

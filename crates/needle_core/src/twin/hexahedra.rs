@@ -25,12 +25,12 @@ mod built {
     use crate::twin::BuildError;
 
     /// A whole cylinder or box of hexahedra.
-    pub(in crate::twin) fn grid(domain: &Domain, spacing: &Spacing) -> Result<Cloud, BuildError> {
+    pub(crate) fn grid(domain: &Domain, spacing: &Spacing) -> Result<Cloud, BuildError> {
         mtled_hexahedra::structured(domain, spacing).map_err(|e| BuildError::Cloud(e.to_string()))
     }
 
     /// Hexahedra where there is room, and tetrahedra around them.
-    pub(in crate::twin) fn with_bricks(domain: &Domain, spacing: &Spacing) -> Result<Cloud, BuildError> {
+    pub(crate) fn with_bricks(domain: &Domain, spacing: &Spacing) -> Result<Cloud, BuildError> {
         let cloud = mtled_hexahedra::with_bricks(domain, spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
         if cloud.hexahedra.is_empty() {
             let reason = "discretisation.cells: no hexahedron has room between surface, interfaces and path: use a smaller spacing_m, or tetrahedra";
@@ -40,7 +40,7 @@ mod built {
     }
 
     /// With the points of hexahedra; a hexahedron whose tetrahedra have four points each has eight.
-    pub(in crate::twin) fn integrated(
+    pub(crate) fn integrated(
         approximation: Approximation,
         scene: &Scene,
         cloud: &Cloud,
@@ -68,15 +68,15 @@ mod left_out {
         })
     }
 
-    pub(in crate::twin) fn grid(_: &Domain, _: &Spacing) -> Result<Cloud, BuildError> {
+    pub(crate) fn grid(_: &Domain, _: &Spacing) -> Result<Cloud, BuildError> {
         refused()
     }
 
-    pub(in crate::twin) fn with_bricks(_: &Domain, _: &Spacing) -> Result<Cloud, BuildError> {
+    pub(crate) fn with_bricks(_: &Domain, _: &Spacing) -> Result<Cloud, BuildError> {
         refused()
     }
 
-    pub(in crate::twin) fn integrated(
+    pub(crate) fn integrated(
         _: Approximation,
         _: &Scene,
         _: &Cloud,

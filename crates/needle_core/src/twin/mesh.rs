@@ -11,8 +11,9 @@ use crate::scene::{Base, Cells, Instrument, InstrumentKind, MeshFile, RegionShap
 use mtled::approximation::table::tetrahedron;
 use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
+use super::body::Body;
 use super::mesh_frame::{extents, oddities, shown, with_oddities};
-use super::{Body, BuildError, along};
+use super::{BuildError, along};
 
 /// Least number of nodes under a plate or indenter.
 const LEAST_HELD: usize = 6;

@@ -1,12 +1,14 @@
 //! One pose in, one prediction out: [`Twin::step`].
 
 mod along;
+mod answer;
 mod assembly;
 mod axisymmetric;
 mod body;
 mod build;
 mod contain;
 mod correction;
+mod error;
 mod folds;
 mod happened;
 mod health;
@@ -25,6 +27,7 @@ mod recover;
 mod recovered;
 mod regions;
 mod revolve;
+mod saved;
 mod sibling;
 mod speed;
 mod step;
@@ -46,8 +49,10 @@ use mtled::mirror::Mirror;
 use mtled::solver::{Solver, StepWork};
 
 pub use along::{Along, FOLLOWED, REST};
+pub use answer::{Halt, Prediction, Trouble};
 pub use body::{Body, coarsest_path};
 pub use correction::Similarity;
+pub use error::BuildError;
 pub use happened::Happening;
 pub use health::Health;
 pub use look_ahead::Motion;
@@ -60,8 +65,8 @@ pub use work::Work;
 use folds::Folds;
 use happened::Happened;
 use pace::Pace;
-use recover::{Lost, Saved};
 use recovered::Recovered;
+use saved::{Lost, Saved};
 use speed::Speed;
 use tissue::Tissue;
 use work::Counters;
@@ -116,132 +121,6 @@ pub struct StampedPose {
     pub time_s: f64,
     /// The pose.
     pub pose: Pose,
-}
-
-/// The answer to one pose. Plain numbers: nothing is allocated per pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prediction {
-    /// Stamp of the pose that this answers.
-    pub time_s: f64,
-    /// Depth of the tip below the undeformed top along the instrument's axis, m.
-    pub depth_m: f64,
-    /// Force of the tissue on the instrument in frame `sample`, N; while it moves, less what inertia and damping of the
-    /// explicit steps add along its way (see `solver::inertia`).
-    pub force_n: [f64; 3],
-    /// Force of the tissue on the base, N: cancels `force_n` at rest, and lags behind while the instrument moves.
-    pub base_force_n: [f64; 3],
-    /// Force on the needle of a template that holds it as well (`instrument.guide_z_m`), N; part of `force_n`, which is what the load cell bears.
-    pub template_force_n: [f64; 3],
-    /// Torque of the tissue on the instrument about the load cell's origin (`instrument.load_cell_height_m`), axes of frame `sample`, N m.
-    pub torque_nm: [f64; 3],
-    /// Phase of the interaction.
-    pub phase: Phase,
-    /// What happened since the last pose, if anything; of several ([`Twin::happened`]) the first puncture, or else the first.
-    pub event: Option<Event>,
-    /// Explicit steps that this pose took.
-    pub steps: u32,
-    /// Health of the prediction.
-    pub health: Health,
-}
-
-impl Prediction {
-    /// What the forces on instrument and base differ by, N: nothing at rest.
-    #[must_use]
-    pub fn unbalanced_n(&self) -> [f64; 3] {
-        std::array::from_fn(|k| self.force_n[k] - self.template_force_n[k] + self.base_force_n[k])
-    }
-}
-
-/// Why a pose has no answer.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Halt {
-    /// The pose itself can't be used; the state is untouched and the next pose may be sent.
-    #[error("pose refused: {reason}")]
-    Pose {
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The flag of [`Twin::stop_on`] was set. The twin is back in its last saved state.
-    #[error("interrupted")]
-    Interrupted,
-    /// The solution diverged. The twin is back in its last saved state and tries the next poses from there: a few of any depth,
-    /// then those that are no deeper, at the latest when the instrument is out of the tissue. Those that it doesn't try get this.
-    #[error(
-        "the solution diverged at step {step}, depth {depth_m:.6} m, after {tries} tries with ever smaller steps: {trouble}"
-    )]
-    Diverged {
-        /// What was seen.
-        trouble: Trouble,
-        /// Attempts to continue.
-        tries: u32,
-        /// Explicit step since the last reset.
-        step: u64,
-        /// Depth, m.
-        depth_m: f64,
-    },
-}
-
-/// Why a state is not acceptable.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Trouble {
-    /// Forces or energies are not finite.
-    #[error("forces or energies are not finite; try a smaller stepping.step_factor")]
-    NotFinite,
-    /// A cell is crushed to zero volume or inverted.
-    #[error(
-        "integration point {point} at ({:.6}, {:.6}, {:.6}) m of the undeformed body is inverted (volume ratio \
-         {volume_ratio:.3e}); try a coarser discretisation.spacing_m, a larger edge_refinement, or material.volumetric = \
-         \"logarithmic\"", place[0], place[1], place[2]
-    )]
-    Inverted {
-        /// Index of the integration point.
-        point: usize,
-        /// Its cell's centre in the undeformed body, m.
-        place: [f64; 3],
-        /// det F.
-        volume_ratio: f64,
-    },
-    /// More kinetic energy than a quasi-static motion has: the step is too large.
-    #[error(
-        "kinetic energy {kinetic_j:.3e} J runs away from strain energy {strain_j:.3e} J; try a smaller \
-         stepping.step_factor or a slower motion"
-    )]
-    RunsAway {
-        /// J
-        kinetic_j: f64,
-        /// J
-        strain_j: f64,
-    },
-}
-
-/// Why a scene can't be built.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BuildError {
-    /// The scene asks for something that this version can't do.
-    #[error("{key}: {reason}")]
-    Unsupported {
-        /// The key at fault.
-        key: &'static str,
-        /// Why, and what to do.
-        reason: &'static str,
-    },
-    /// The scene's mesh can't be used, or its parts don't fit it.
-    #[error("{key}: {reason}")]
-    Mesh {
-        /// The key at fault.
-        key: String,
-        /// Why, and what to do.
-        reason: String,
-    },
-    /// The cloud of nodes could not be made.
-    #[error("cloud: {0}")]
-    Cloud(String),
-    /// The shape functions could not be made.
-    #[error("shape functions: {0}")]
-    Approximation(String),
 }
 
 /// The digital twin: what never changes of one scene, a state of it, and scratch memory.
@@ -463,5 +342,29 @@ impl Twin {
     #[must_use]
     pub fn cell_regions(&self) -> &[u8] {
         &self.fixed.tissue.region
+    }
+
+    /// Regions on the instrument's path.
+    #[must_use]
+    pub fn along(&self) -> &Along {
+        &self.fixed.along
+    }
+
+    /// Depths of the tip at which it comes into the first regions of its path as the deformed tissue has them now, m; NaN where there is
+    /// none. `None` but for a needle with friction: others come into a region where the scene has it.
+    #[must_use]
+    pub fn boundaries_m(&self) -> Option<[f64; FOLLOWED]> {
+        let Some(Contact::Frictional(needle)) = &self.contact else { return None };
+        let mut depths = [f64::NAN; FOLLOWED];
+        for (depth, (_, from)) in depths.iter_mut().zip(self.fixed.along.stretches()) {
+            *depth = needle.deformed(from, &self.solver);
+        }
+        Some(depths)
+    }
+
+    /// What happened to the tissue in the last pose that was answered, in its order.
+    #[must_use]
+    pub fn happened(&self) -> &[Happening] {
+        self.happened.list()
     }
 }

@@ -4,9 +4,9 @@ use crate::mesh::Volumes;
 use crate::scene::{Grading, MeshFile, RegionShape, Scene};
 use mtled::cloud::{Cloud, Domain, Outline};
 
-use super::body::{Layout, filled};
+use super::body::{Body, Layout, filled};
 use super::mesh_frame::{oddities, with_oddities};
-use super::{Body, BuildError, mesh};
+use super::{BuildError, mesh};
 
 /// Reads the mesh, fills it and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<Body, BuildError> {

@@ -1,6 +1,6 @@
 //! A twin with an instrument of the user's own.
 
-use super::recover::Saved;
+use super::saved::Saved;
 use super::{BuildError, Twin};
 use crate::instrument::{Contact, Instrument, Own};
 use crate::scene::{Dimension, Scene};

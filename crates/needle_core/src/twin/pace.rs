@@ -23,7 +23,7 @@ use crate::instrument::Resistance;
 use crate::scene::{Dimension, InstrumentKind, Scene, Stepping};
 use mtled::solver::Balance;
 
-use super::Health;
+use super::health::Health;
 
 /// L over the height of the sample, times the ratio of measured to estimated error (the estimate is an upper bound).
 const LENGTH: f64 = 2.0;

@@ -60,7 +60,7 @@ impl Twin {
             }
             sprang |= springs;
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
-            self.note(seen, tip, phase);
+            self.happened.see(seen, tip, phase, self.contact.as_ref(), &self.fixed.along);
             if look % ADAPT == 0 {
                 self.solver.adapt_damping();
             }

@@ -7,47 +7,11 @@
 
 use crate::instrument::{Contact, Tip};
 
+use super::saved::Lost;
 use super::{Halt, Phase, Twin};
 
 /// Attempts with poses deeper than the saved state.
 const DEEPER: u32 = 3;
-
-/// Where the instrument was when the solver's state was saved.
-#[derive(Clone, Debug)]
-pub(super) struct Saved {
-    contact: Option<Contact>,
-    /// Tip relative to the entry point, m.
-    tip: [f64; 3],
-    /// Where the axis met the undeformed top, relative to the entry point, m.
-    shaft: [f64; 2],
-    /// Depth of the tip, m.
-    depth_m: f64,
-    phase: Phase,
-}
-
-impl Saved {
-    /// Before the first contact.
-    pub(crate) fn new(contact: Option<Contact>) -> Self {
-        Self { contact, tip: [0.0; 3], shaft: [0.0; 2], depth_m: 0.0, phase: Phase::Approach }
-    }
-}
-
-impl Saved {
-    /// Of another contact from now on.
-    pub(crate) fn contact_of(&mut self, contact: &Option<Contact>) {
-        self.contact.clone_from(contact);
-    }
-}
-
-/// A solution that was lost.
-#[derive(Clone, Debug)]
-pub(super) struct Lost {
-    halt: Halt,
-    /// Deepest pose that is tried once the tries are spent, m.
-    deepest_m: f64,
-    /// Tries so far.
-    tries: u32,
-}
 
 impl Twin {
     /// Notes where the instrument is at a saved state.

@@ -19,8 +19,8 @@
 use crate::scene::{Instrument, InstrumentKind, Interaction, Method, Scene};
 use mtled::solver::Solver;
 
+use super::regions;
 use super::tissue::Tissue;
-use super::{Fixed, Twin, regions};
 
 /// Explicit steps between two looks in the long run: less than 1 % of the time of those steps (0.3 ms at 2800 points of the half plane).
 const LOOK: u64 = 2048;
@@ -45,16 +45,15 @@ pub(super) struct Recovered {
 }
 
 impl Recovered {
-    pub(crate) fn new(fixed: &Fixed) -> Self {
-        let Fixed { scene, tissue, top, .. } = fixed;
+    pub(crate) fn new(scene: &Scene, tissue: &Tissue, top: f64) -> Self {
         let region: Vec<u8> =
-            (0..tissue.model.volume.len()).map(|p| regions::at(scene, *top, tissue.place(p))).collect();
+            (0..tissue.model.volume.len()).map(|p| regions::at(scene, top, tissue.place(p))).collect();
         let regions = region.iter().copied().max().unwrap_or(0);
         Self { sums: vec![([0.0; 9], 0.0); tissue.model.nodes], region, regions }
     }
 
     /// eta^2.
-    fn share(&mut self, tissue: &Tissue, solver: &Solver) -> f64 {
+    pub(super) fn share(&mut self, tissue: &Tissue, solver: &Solver) -> f64 {
         let model = &tissue.model;
         let (mut error, mut energy) = (0.0, 0.0);
         for region in 0..=self.regions {
@@ -99,7 +98,7 @@ const PRESSED: f64 = 2.0;
 const LINEAR: f64 = 2.0;
 
 /// Error of the force over eta^2, such that 95 of 100 poses are covered: measured, see `docs/lab/model_error.md`.
-fn effectivity(scene: &Scene) -> f64 {
+pub(super) fn effectivity(scene: &Scene) -> f64 {
     let method = if scene.discretisation.method == Method::Tet4 { LINEAR } else { 1.0 };
     method
         * match &scene.instrument {
@@ -109,22 +108,12 @@ fn effectivity(scene: &Scene) -> f64 {
         }
 }
 
-impl Twin {
-    /// Estimated error of the discretisation, of the force.
-    pub(super) fn discretisation_error(&mut self) -> f64 {
-        match self.correction() {
-            Some(correction) if correction.left > 0.0 => correction.left,
-            _ => effectivity(&self.fixed.scene) * self.recovered.share(&self.fixed.tissue, &self.solver),
-        }
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::scene::Override;
-    use crate::twin::StampedPose;
+    use crate::twin::{StampedPose, Twin};
 
     /// eta^2 after a plate has gone down by a tenth of the height, in poses of half a per cent of it.
     fn of(keys: &[(&str, &str)]) -> f64 {

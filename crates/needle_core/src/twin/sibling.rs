@@ -7,7 +7,7 @@ use crate::scene::{Base, ContactLaw, Instrument, InstrumentKind, Interaction, Sc
 use mtled::solver::{Solver, Surface};
 
 use super::body::enters_at_once;
-use super::recover::Saved;
+use super::saved::Saved;
 use super::work::Counters;
 use super::{Along, Fixed, Folds, Happened, Pace, Progress, Recovered, Twin, assembly, regions};
 
@@ -44,7 +44,7 @@ impl Twin {
         };
         let mut twin = Self {
             folds: Folds::new(&fixed.tissue),
-            recovered: Recovered::new(&fixed),
+            recovered: Recovered::new(&fixed.scene, &fixed.tissue, fixed.top),
             saved: Saved::new(contact.clone()),
             progress: Progress::new(Pace::new(scene, own.height)),
             fixed: Arc::new(fixed),

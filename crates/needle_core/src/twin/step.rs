@@ -8,7 +8,7 @@ use crate::instrument::{Bending, Contact, Tip};
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
-use super::{Halt, Phase, Pose, Prediction, Progress, StampedPose, Twin, pierce, recovered};
+use super::{Halt, Health, Phase, Pose, Prediction, Progress, StampedPose, Twin, pierce, recovered};
 
 /// Power iterations after which the fastest mode is known to a per cent.
 const FASTEST_ITERATIONS: usize = 400;
@@ -146,7 +146,7 @@ impl Twin {
         self.solver.begin_cut();
         let (phase, event) = contact.impose(tip, &mut self.solver);
         let bent = contact.shaft().map_or(0.0, Bending::moved);
-        self.note(event, tip, phase);
+        self.happened.see(event, tip, phase, self.contact.as_ref(), &self.fixed.along);
         // a needle that tilts moves the tissue even if its tip stays
         let shaft = tip.axis_at(0.0);
         let swung = [0, 1].map(|k| shaft[k] - self.progress.shaft[k]);
@@ -190,7 +190,8 @@ impl Twin {
         let steps = self.progress.steps;
         if steps / LOOK > before / LOOK {
             self.progress.constraint_error_m = self.constraint_error();
-            self.progress.folded_energy = self.folded_energy(balance.strain);
+            let strain = balance.strain.max(self.energy_floor());
+            self.progress.folded_energy = self.folds.energy(&self.fixed.tissue, &self.solver, strain);
         }
         if recovered::is_due(before, steps) {
             self.progress.discretisation_error = self.discretisation_error();
@@ -206,6 +207,25 @@ impl Twin {
             event: None,
             steps: taken,
             health: self.health(balance),
+        }
+    }
+
+    fn health(&self, balance: &Balance) -> Health {
+        Health {
+            min_jacobian: self.solver.min_jacobian(),
+            kinetic_to_strain_energy: self.energies(balance),
+            force_imbalance: self.progress.pace.imbalance,
+            constraint_error_m: self.progress.constraint_error_m,
+            folded_energy: self.progress.folded_energy,
+            discretisation_error: self.progress.discretisation_error,
+        }
+    }
+
+    /// Estimated error of the discretisation, of the force.
+    fn discretisation_error(&mut self) -> f64 {
+        match self.correction() {
+            Some(correction) if correction.left > 0.0 => correction.left,
+            _ => recovered::effectivity(&self.fixed.scene) * self.recovered.share(&self.fixed.tissue, &self.solver),
         }
     }
 

@@ -31,7 +31,7 @@ fn table(plane: &Meridian, interpolating: &[bool], basis: Option<Basis>, points_
 
 fn kernel(plane: &Meridian, table: &ShapeTable, ratio: VolumeRatio) -> Kernel<f64> {
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
-    Kernel::new(table, &cells, &plane.points, &Law::neo_hookean(MU, KAPPA), ratio)
+    Kernel::of_materials(table, &cells, &plane.points, &[Law::neo_hookean(MU, KAPPA)], ratio)
 }
 
 fn evaluate(kernel: &Kernel<f64>, u: &[[f64; 3]]) -> InternalForce {

@@ -26,7 +26,7 @@ fn internal_force(
     u: &[[f64; 3]],
 ) -> Vec<[f64; 3]> {
     let table = Approximation::new(points, cells, interpolating.to_vec(), settings(basis, 1)).table().unwrap();
-    let kernel = Kernel::<f64>::new(&table, cells, points, &Law::neo_hookean(MU, KAPPA), ratio);
+    let kernel = Kernel::<f64>::of_materials(&table, cells, points, &[Law::neo_hookean(MU, KAPPA)], ratio);
     kernel.internal_force(&mut Pool::new(1), u).force
 }
 

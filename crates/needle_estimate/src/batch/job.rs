@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
 
 use super::fit::{calibrated, replayed};
-use super::{Candidate, Entry, Fit, Manifest, Row, Tables};
+use super::tables::Content;
+use super::{Candidate, Entry, Fit, Manifest, Needed, Row, Tables};
 use crate::calibrate::{CurveTable, HoldOut, LoadCell, Task, Wanted, calibrate};
 use crate::compare::{self, Cancel, Curve, Keep, Session};
 use needle_core::scene::{Override, Scene, file as scene_file};
@@ -111,6 +112,11 @@ impl<'a> Job<'a> {
         Row { failed, losses, fits, ..row }
     }
 
+    /// What identifies the table of curves for a candidate; `None` if the twin is to be run instead.
+    fn curves(&self, candidate: &Candidate) -> Result<Option<Content>, String> {
+        Content::of(self.entry(), candidate, || self.scene(candidate, None))
+    }
+
     fn fit(&self, candidate: &Candidate, recording: &Recording, cancel: &Cancel) -> Fit {
         self.tried(candidate, recording, cancel).unwrap_or_else(|reason| Fit {
             candidate: candidate.name.clone(),
@@ -144,7 +150,7 @@ impl<'a> Job<'a> {
             measured: recording.measured(),
             load_cell: load_cell(entry.load_cell.as_deref())?,
             part: entry.fit_to_depth_m.map_or(HoldOut::Nothing, HoldOut::Beyond),
-            table: self.tables.of(self, candidate)?,
+            table: self.curves(candidate)?.map(|content| self.tables.of(&content)).transpose()?,
         };
         prepared.table.map_or(Ok(()), |table| table.covers(&prepared.readings))?;
         Ok(prepared)
@@ -183,6 +189,20 @@ impl<'a> Job<'a> {
         let found = calibrate(&task, &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
         let forward = found.held_out_rmse_n().map(|rmse| rmse / fit.peak_n).filter(|x| x.is_finite());
         Ok(Fit { forward_error: forward, runs: fit.runs + found.runs, ..fit })
+    }
+}
+
+impl Needed {
+    /// Collects the tables that some jobs need.
+    #[must_use]
+    pub fn of(jobs: &[Job]) -> Self {
+        let mut needed = Self::default();
+        for job in jobs {
+            // an invalid entry is reported in its row
+            let contents = job.manifest.candidates.iter().filter_map(|candidate| job.curves(candidate).ok()?);
+            contents.for_each(|content| needed.add(&content));
+        }
+        needed
     }
 }
 

@@ -6,10 +6,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Candidate, Job};
+use super::{Candidate, Entry};
 use crate::cache::Cache;
 use crate::calibrate::{CurveTable, Wanted};
 use crate::compare::Cancel;
+use needle_core::scene::Scene;
 
 /// Folder of the stored tables.
 const FOLDER: &str = "curves";
@@ -26,22 +27,26 @@ pub struct Tables {
 pub struct Needed(BTreeMap<String, Result<CurveTable, String>>);
 
 /// What identifies a table.
-struct Content {
-    scene: needle_core::scene::Scene,
+pub(super) struct Content {
+    scene: Scene,
     wanted: Vec<Wanted>,
     to_depth_m: f64,
 }
 
 impl Content {
-    fn of(job: &Job, candidate: &Candidate) -> Result<Option<Self>, String> {
-        let entry = job.entry();
+    /// `None` if the twin is to be run instead.
+    pub(super) fn of(
+        entry: &Entry,
+        candidate: &Candidate,
+        scene: impl FnOnce() -> Result<Scene, String>,
+    ) -> Result<Option<Self>, String> {
         match entry.curves.as_deref() {
             None | Some("runs") => return Ok(None),
             Some("table") => {}
             Some(other) => return Err(format!("curves = \"{other}\": runs or table")),
         }
         let to_depth_m = entry.to_depth_m.ok_or("curves = \"table\" needs to_depth_m: how deep the curves go")?;
-        let (scene, wanted) = (job.scene(candidate, None)?, entry.wanted(candidate)?);
+        let (scene, wanted) = (scene()?, entry.wanted(candidate)?);
         if wanted.is_empty() {
             return Err("curves = \"table\" needs keys to fit; without any, leave it out".to_owned());
         }
@@ -55,20 +60,10 @@ impl Content {
 }
 
 impl Needed {
-    /// Collects the tables that some jobs need.
-    #[must_use]
-    pub fn of(jobs: &[Job]) -> Self {
-        let mut needed = BTreeMap::new();
-        for job in jobs {
-            for candidate in &job.manifest.candidates {
-                // an invalid entry is reported in its row
-                let Ok(Some(Content { scene, wanted, to_depth_m })) = Content::of(job, candidate) else { continue };
-                let name = Content { scene: scene.clone(), wanted: wanted.clone(), to_depth_m }.name();
-                let plan = || CurveTable::planned(&scene, &wanted, to_depth_m).map_err(|e| e.to_string());
-                needed.entry(name).or_insert_with(plan);
-            }
-        }
-        Self(needed)
+    pub(super) fn add(&mut self, content: &Content) {
+        let Content { scene, wanted, to_depth_m } = content;
+        let plan = || CurveTable::planned(scene, wanted, *to_depth_m).map_err(|e| e.to_string());
+        self.0.entry(content.name()).or_insert_with(plan);
     }
 
     /// Reads the tables that are stored below a folder.
@@ -116,11 +111,10 @@ impl Tables {
         self.runs
     }
 
-    /// The table of a job with a candidate; `None` if the twin is to be run instead.
-    pub(super) fn of(&self, job: &Job, candidate: &Candidate) -> Result<Option<&CurveTable>, String> {
-        let Some(content) = Content::of(job, candidate)? else { return Ok(None) };
+    /// The table with a content.
+    pub(super) fn of(&self, content: &Content) -> Result<&CurveTable, String> {
         match self.tables.get(&content.name()) {
-            Some(Ok(table)) => Ok(Some(table)),
+            Some(Ok(table)) => Ok(table),
             Some(Err(reason)) => Err(reason.clone()),
             None => Err("its table of curves was not made".to_owned()),
         }

@@ -10,8 +10,8 @@
 //! law        Ogden's law, one term, its exponent fitted, where the law is neo-Hookean
 //! ```
 
-use super::{CalibrateError, Calibration, Estimate, Task, Wanted, calibrate, unknown};
-use crate::compare::{Explains, Verdict, Watch};
+use super::{Alternative, CalibrateError, Calibration, Estimate, Task, Wanted, calibrate, unknown};
+use crate::compare::Watch;
 use needle_core::scene::{ContactLaw, InstrumentKind, MaterialModel, Override, Scene};
 
 const MODULUS: &str = "material.shear_modulus_pa";
@@ -29,42 +29,6 @@ pub enum Assumption {
     Contact,
     /// The constitutive law.
     Law,
-}
-
-/// The fit under another assumption.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Alternative {
-    /// What was assumed instead.
-    pub what: String,
-    /// The requested keys, in their order, under their own names.
-    pub estimates: Vec<Estimate>,
-    /// Whether it explains the readings.
-    pub verdict: Verdict,
-    /// Root mean square residual, N.
-    pub rmse_n: f64,
-    /// Number of runs of the twin.
-    pub runs: u32,
-}
-
-impl Alternative {
-    /// Whether the readings do not exclude it.
-    #[must_use]
-    pub fn explains(&self) -> bool {
-        self.verdict.explains == Explains::Yes
-    }
-}
-
-impl Calibration {
-    /// The 95% interval of a requested key: its own, and those of all alternatives that explain the readings.
-    #[must_use]
-    pub fn interval_95(&self, k: usize) -> Option<[f64; 2]> {
-        let own = self.estimates.get(k)?.interval_95()?;
-        let others = self.alternatives.iter().filter(|a| a.explains()).filter_map(|a| a.estimates.get(k));
-        Some(others.fold(own, |[low, high], e| {
-            let [l, h] = e.interval_95().unwrap_or([e.value; 2]);
-            [low.min(l), high.max(h)]
-        }))
-    }
 }
 
 /// Fits again with each assumption that is not `certain` changed. Only of plates and indenters: they leave most open.

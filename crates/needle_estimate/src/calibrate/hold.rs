@@ -10,7 +10,7 @@
 //! The force of a finite strain is not even in time, so these are starts and no results. The search itself gives value and interval.
 
 use super::{Estimate, Task};
-use crate::prior::depths;
+use crate::compare::depths;
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::Twin;
 

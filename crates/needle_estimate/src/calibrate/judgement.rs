@@ -2,8 +2,9 @@
 
 use nalgebra::DMatrix;
 
+use super::calibration::cure;
 use super::problem::Recorded;
-use super::unknown::{self, Sought};
+use super::unknown::Sought;
 use super::{CalibrateError, Calibration, Estimate, Forces, Task};
 use crate::compare::rows::Rows;
 use crate::compare::uncertainty::{Uncertainty, correlation};
@@ -124,18 +125,6 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&s
             }
             e.at_bound().then(|| format!("it ended at its bound {}", e.value))
         });
-    }
-}
-
-/// The option that removes one of several indistinguishable unknowns; empty if there is none.
-pub(super) fn cure(group: &[String]) -> &'static str {
-    let has = |key: &str| group.iter().any(|name| name == key);
-    if has(unknown::DRIFT_KEY) {
-        "; --load-cell offset leaves the load cell's drift out"
-    } else if has(unknown::OFFSET_KEY) {
-        "; --load-cell exact takes the load cell at its word"
-    } else {
-        ""
     }
 }
 

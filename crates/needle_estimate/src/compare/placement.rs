@@ -172,7 +172,7 @@ pub struct Elsewhere {
 /// Likely place of first contact, if the recorded depths never reach the sample, or are deeper in it from the first
 /// reading on than they change, or reach it late, but the load cell shows contact on the way.
 #[must_use]
-pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<Elsewhere> {
+pub(crate) fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<Elsewhere> {
     let pairs = super::scale::pairs(twin, readings, measured);
     let depths = pairs.iter().map(|p| p.0);
     let (shallow, deep) = (depths.clone().fold(f64::INFINITY, f64::min), depths.fold(f64::NEG_INFINITY, f64::max));
@@ -257,7 +257,7 @@ fn touch(pairs: &[(f64, f64)], curve: &[(f64, f64)]) -> Option<Touch> {
 
 /// The message about a contact elsewhere. `reading` is the recorded number there, if it is not the depth in m; of poses there is none.
 #[must_use]
-pub fn never_touched(found: Elsewhere, by_depth: bool, reading: Option<f64>) -> String {
+pub(crate) fn never_touched(found: Elsewhere, by_depth: bool, reading: Option<f64>) -> String {
     let Elsewhere { contact_m, reversed, early } = found;
     let sign = if reversed { "--position-sign -1 and " } else { "" };
     let (whose, what) = match reading {

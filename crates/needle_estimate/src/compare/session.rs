@@ -177,6 +177,16 @@ impl<'a> Session<'a> {
     }
 }
 
+/// Depth of each reading, m.
+#[must_use]
+pub fn depths(twin: &Twin, readings: &[Reading]) -> Vec<f64> {
+    let depth = |reading: &Reading| match reading.at {
+        At::Depth(depth_m) => depth_m,
+        At::Pose(pose) => twin.depth_of(&pose),
+    };
+    readings.iter().map(depth).collect()
+}
+
 /// The loss of a run whose forces are not finite.
 pub(super) fn not_finite(depth_m: f64) -> String {
     format!("the force is not finite at depth {depth_m:.6} m")

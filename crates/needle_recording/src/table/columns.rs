@@ -3,9 +3,10 @@
 use super::super::unit::Dimension;
 use super::super::{Quantity, Selection};
 use super::clock::{self, Clock};
+use super::error::TableError;
+use super::layout::{Kind, Layout};
 use super::names::{self, Words};
 use super::number::{measure, number};
-use super::{TableError, layout::Kind, layout::Layout};
 
 /// A column that is used.
 #[derive(Clone, Debug, PartialEq)]

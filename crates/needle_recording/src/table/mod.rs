@@ -3,10 +3,13 @@
 mod arrays;
 mod clock;
 mod columns;
+mod contents;
 mod encoding;
+mod error;
 mod layout;
 mod names;
 mod number;
+mod row;
 mod rows;
 mod source;
 mod survey;
@@ -17,147 +20,18 @@ mod workbook;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use super::selection::{Selection, TableLayout};
 use super::thin::Thin;
-use super::{Selection, TableLayout};
 pub use clock::Clock;
 use columns::Finder;
 pub use columns::{Column, Columns};
+pub use contents::Table;
+pub use error::TableError;
 use layout::{LOOKED_AT, Layout};
-use needle_core::twin::Pose;
-use rows::{Row, Taken, Taking};
+use rows::{Taken, Taking};
 use source::Source;
 pub(super) use source::size_of_text;
 pub(super) use survey::Survey;
-
-/// Why a table can't be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TableError {
-    /// The file can't be opened.
-    #[error("{}: can't be read: {source}", .path.display())]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A file in another format.
-    #[error("{}: {what} is not read; make a CSV of it: {how}", .path.display())]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-        /// Its format.
-        what: &'static str,
-        /// How to convert it to a table.
-        how: String,
-    },
-    /// The file contains no table.
-    #[error(
-        "{}: no rows of numbers were found in its first lines; say how it is laid out with --separator, --decimal-comma, \
-         --header-line or --comment", .path.display()
-    )]
-    NoTable {
-        /// The file.
-        path: PathBuf,
-    },
-    /// Columns are ambiguous, or have no unit.
-    #[error("{file}: {reason}. Its columns: {columns}")]
-    Columns {
-        /// The file.
-        file: String,
-        /// What is wrong, and what to do.
-        reason: String,
-        /// The columns of the file.
-        columns: String,
-    },
-    /// No file has a required quantity.
-    #[error("no column for the {what}: name it with {option}, by its header or its number from 1. {columns}")]
-    Missing {
-        /// The quantity.
-        what: &'static str,
-        /// The option that names its column.
-        option: &'static str,
-        /// Columns of all files.
-        columns: String,
-    },
-    /// No file has a column that the user named.
-    #[error("{option} {name}: there is no such column. {columns}")]
-    NoColumn {
-        /// The option that named it.
-        option: &'static str,
-        /// Its name.
-        name: String,
-        /// Columns of all files.
-        columns: String,
-    },
-    /// One file has several recordings, or not the requested number.
-    #[error("{file}: {reason}: {blocks}")]
-    Blocks {
-        /// The file.
-        file: String,
-        /// What is wrong, and what to do.
-        reason: String,
-        /// The recordings of the file.
-        blocks: String,
-    },
-    /// A file that is no text can't be taken as it is.
-    #[error("{}: {reason}", .path.display())]
-    Contents {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and what to do.
-        reason: String,
-    },
-    /// An option has no meaning for the files.
-    #[error("{option} says nothing of {}: {remedy}", .path.display())]
-    NotHere {
-        /// The option.
-        option: &'static str,
-        /// The first of the files.
-        path: PathBuf,
-        /// What to do.
-        remedy: &'static str,
-    },
-}
-
-/// The rows of one file that were read.
-#[derive(Debug, Default)]
-pub struct Table {
-    /// Its name.
-    pub file: String,
-    /// Description of the layout.
-    pub layout: String,
-    /// The columns that are used.
-    pub columns: Columns,
-    /// Description of all columns.
-    pub all_columns: String,
-    /// Number of data rows.
-    pub rows: u64,
-    /// Number of rows with a cell that is not a number.
-    pub bad: u64,
-    /// The first of these rows with its line number.
-    pub first_bad: Option<String>,
-    /// Irregularities without a loss of data.
-    pub warnings: Vec<String>,
-    /// Rows per second, if they have no time.
-    pub rate_hz: Option<f64>,
-    /// Columns that the user named, by their options, and that are not in this file.
-    absent: Vec<(&'static str, String)>,
-    /// First and last line, from 1.
-    lines: [usize; 2],
-    /// Whether a row had a sample.
-    usable: bool,
-    /// Rows with samples that may be in disorder, by their stamps; `None`: they are kept in the order of the file.
-    waiting: Option<VecDeque<(i64, Row)>>,
-    /// What is known of the samples where they are not kept.
-    pub(super) survey: Option<Survey>,
-    pub(super) depths: Vec<(i64, f64)>,
-    pub(super) forces: Vec<(i64, [f64; 3])>,
-    pub(super) poses: Vec<(i64, Pose)>,
-    pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
-    /// Which depths, forces, poses and markers are kept.
-    thin: [Thin; 4],
-}
 
 impl Table {
     /// Reads one file of a recording; `file_number` is its index, from 0.

@@ -3,14 +3,17 @@
 use std::borrow::Cow;
 use std::io;
 
+use super::clock::{self, Clock};
 use super::columns::{Column, Columns};
+use super::contents::Table;
+use super::error::TableError;
 use super::layout::{self, Kind, Layout, Splitter};
 use super::number::{measure, number};
+use super::row::Row;
 use super::text::Text;
-use super::{Clock, Table, TableError, clock};
 use crate::adapter::pose_of;
 use crate::order::DISORDER_NS;
-use needle_core::twin::Pose;
+use crate::selection::TableLayout;
 use ros2_messages::geometry_msgs::Quaternion;
 
 /// Direction of an instrument whose poses have no orientation: straight down.
@@ -22,18 +25,6 @@ const AGAIN_NS: i64 = 1_000_000_000;
 /// Most rows that wait for earlier ones: 12 MB.
 const MOST_WAITING: usize = 1 << 16;
 const HALF_A_DAY_NS: i64 = 43_200_000_000_000;
-
-/// Content of a row.
-#[derive(Debug, Default)]
-pub(super) struct Row {
-    stamp: Option<i64>,
-    pub depth_m: Option<f64>,
-    pub force_n: Option<[f64; 3]>,
-    pub pose: Option<Pose>,
-    pub markers: Option<Vec<[f64; 3]>>,
-    /// Whether a required cell is not a number, or the row ends before it.
-    bad: bool,
-}
 
 /// Lines without data, with the bad rows among them: the end of a recording or of the file, or a loss.
 #[derive(Default)]
@@ -286,7 +277,7 @@ impl Taking {
     /// What stands behind the last row is no row of it: another table, whose line is given, or a foot.
     fn end(&mut self, table: &mut Table, text: &mut Text) -> Option<usize> {
         let gap = self.gap.take()?;
-        let another = Layout::of(&gap.text, &super::TableLayout { header_line: None, ..Default::default() });
+        let another = Layout::of(&gap.text, &TableLayout { header_line: None, ..Default::default() });
         if gap.bad == 0 {
             // a last row with a stray stamp
             table.lines[1] = self.number;

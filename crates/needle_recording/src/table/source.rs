@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::super::TableLayout;
 use super::text::Text;
-use super::{TableError, arrays};
+use super::{arrays, error::TableError};
 
 /// A table that can be read as text, and how.
 pub(super) struct Source {

@@ -2,7 +2,7 @@
 
 use super::super::middle::Middle;
 use super::super::order::{DAY_NS, DISORDER_NS, Ordered, Spread};
-use super::rows::Row;
+use super::row::Row;
 use needle_core::twin::Pose;
 
 /// Stamps of a series.

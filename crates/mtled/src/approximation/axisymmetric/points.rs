@@ -3,7 +3,6 @@
 /// Barycentric place and weight of an integration point.
 pub(super) type Gauss = ([f64; 3], f64);
 
-/// A single point.
 pub(super) const CENTRE: [Gauss; 1] = [([1.0 / 3.0; 3], 1.0)];
 
 /// Barycentric points and weights of a triangle: 3 of degree 2, 6 of degree 4 (Dunavant 1985) or 7 of degree 5 (Radon

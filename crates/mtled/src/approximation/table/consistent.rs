@@ -48,7 +48,7 @@ impl Approximation {
     pub fn consistent(&self, mut table: ShapeTable, tied: &[bool]) -> Result<ShapeTable, ApproximationError> {
         let Some(basis) = self.settings.basis else { return Ok(table) };
         let symmetry = Symmetry {
-            mirror: self.supports.mirror(),
+            mirror: self.supports.mirror,
             on_plane: (0..self.points.len() as u32).map(|n| self.supports.is_on_plane(n)).collect(),
         };
         let mut missing = self.surface_integrals(tied, basis)?;
@@ -84,7 +84,7 @@ impl Approximation {
 
     /// b_j of every entry of a table, m².
     fn surface_integrals(&self, tied: &[bool], basis: Basis) -> Result<Vec<V>, ApproximationError> {
-        let images = if self.supports.mirror().is_some() { self.points.len() } else { 0 };
+        let images = if self.supports.mirror.is_some() { self.points.len() } else { 0 };
         let mut b = vec![[0.0; 3]; self.points.len() + images];
         let mut add = |entry: u32, share: f64, area: V| (0..3).for_each(|k| b[entry as usize][k] += share * area[k]);
         let within_plane = |face: &[u32; 3]| images > 0 && face.iter().all(|&n| self.supports.is_on_plane(n));

@@ -25,7 +25,8 @@ pub(super) struct Common<T: Real> {
 /// Laws of the members, and the memory of an evaluation.
 #[derive(Debug)]
 pub(super) struct Lockstep<T: Real> {
-    common: Arc<Common<T>>,
+    /// Further teams of the same cloud can share it.
+    pub(super) common: Arc<Common<T>>,
     laws: Vec<OfRegion<T>>,
     /// At which of its changes a member's shares of the points were taken over.
     seen: [Option<u64>; LANES],
@@ -102,9 +103,8 @@ fn of_regions<T: Real>(kernels: &[&Kernel<T>]) -> Option<Vec<OfRegion<T>>> {
 }
 
 impl<T: Real> Common<T> {
-    /// The point tables of a kernel.
     pub(super) fn new(kernel: &Kernel<T>) -> Self {
-        Self { tables: Arc::clone(&kernel.tables), points: kernel.blocks().iter().map(PointTable::new).collect() }
+        Self { tables: Arc::clone(&kernel.tables), points: kernel.tables.blocks.iter().map(PointTable::new).collect() }
     }
 }
 
@@ -145,11 +145,6 @@ impl<T: Real> Lockstep<T> {
             at_vertices: fields(most(|b| b.vertices.len())),
             common,
         })
-    }
-
-    /// What further teams of the same cloud can share.
-    pub(super) fn common(&self) -> &Arc<Common<T>> {
-        &self.common
     }
 
     /// Takes over which share of each point is tissue to a member.

@@ -45,13 +45,13 @@ impl Team {
             Precise::F32(_) => {
                 let kernels: Vec<_> = models().map(single).collect::<Option<_>>()?;
                 let common =
-                    beside.and_then(|b| if let Precise::F32(l) = &b.lanes { Some(l.common().clone()) } else { None });
+                    beside.and_then(|b| if let Precise::F32(l) = &b.lanes { Some(l.common.clone()) } else { None });
                 Precise::F32(Lockstep::new(&kernels, common)?)
             }
             Precise::F64(_) => {
                 let kernels: Vec<_> = models().map(double).collect::<Option<_>>()?;
                 let common =
-                    beside.and_then(|b| if let Precise::F64(l) = &b.lanes { Some(l.common().clone()) } else { None });
+                    beside.and_then(|b| if let Precise::F64(l) = &b.lanes { Some(l.common.clone()) } else { None });
                 Precise::F64(Lockstep::new(&kernels, common)?)
             }
         };

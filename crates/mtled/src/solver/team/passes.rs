@@ -5,6 +5,7 @@
 
 use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
+use super::super::passes::scaled;
 use super::super::points::{LaneLaw, Projected, WideLaw};
 use super::super::strip::FIELDS;
 use super::table::PointTable;
@@ -117,7 +118,6 @@ impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC> 
     }
 }
 
-/// Adds a share to each corner.
 #[inline(always)]
 fn share_out<T: Real, V: Vector<T>>(sums: &mut [Lanes<T>], corners: &[u16], share: V) {
     for corner in corners {
@@ -160,12 +160,7 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T,
             let here = volume * volume;
             sums[lane] += (volume * density).where_positive(here, zero);
             let factor = volume * V::splat(table.scale[point]);
-            let mut spread = [zero; 9];
-            for i in 0..9 {
-                if is_there::<AXISYMMETRIC>(i) {
-                    spread[i] = (factor * stress[i]).where_positive(here, zero);
-                }
-            }
+            let spread = scaled::<V, AXISYMMETRIC>(&stress, factor, here);
             let visits = table.visits(point);
             if !AXISYMMETRIC {
                 prefetch(&table.gradient[visits.clone()]);

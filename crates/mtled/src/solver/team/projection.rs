@@ -15,7 +15,6 @@ struct Region {
     shear_modulus: Lanes<f64>,
 }
 
-/// Memory of a projection.
 #[derive(Debug)]
 pub(super) struct Projected<T> {
     regions: Vec<Region>,
@@ -40,9 +39,9 @@ impl<T: Real> Projected<T> {
         let fields = |of: usize| [true, mixed].map(|there| vec![Lanes::default(); if there { of } else { 0 }]);
         Self {
             regions: (0..constants[0].len()).map(region).collect(),
-            sums: fields(of.runs().total()),
+            sums: fields(of.runs.total()),
             coarse: fields(of.volume.len()),
-            lanes: vec![[Lanes::default(); LANES]; of.strips.iter().map(|s| s.coarse().len()).max().unwrap_or(0)],
+            lanes: vec![[Lanes::default(); LANES]; of.strips.iter().map(|s| s.coarse.len()).max().unwrap_or(0)],
             energy: Lanes::default(),
         }
     }
@@ -72,7 +71,7 @@ impl<T: Real> Loop for ToCoarse<'_, T> {
     fn go(self) {
         for (sums, x) in self.sums.iter_mut().zip(self.at_vertices).filter(|(sums, _)| !sums.is_empty()) {
             for (s, strip) in self.of.strips.iter().enumerate() {
-                strip.sum_members(x, &mut self.lanes[..strip.coarse().len()], &mut sums[self.of.runs().run(s)]);
+                strip.sum_members(x, &mut self.lanes[..strip.coarse.len()], &mut sums[self.of.runs.run(s)]);
             }
         }
     }

@@ -25,7 +25,6 @@ pub(super) struct PointTable<T> {
 }
 
 impl<T: Real> PointTable<T> {
-    /// The points of a block.
     pub(super) fn new(block: &Block<T>) -> Self {
         let of = |lanes: &[Lanes<T>], slot: usize| lanes[slot / LANES].0[slot % LANES];
         let slots: Vec<usize> = block.occupied().map(|(slot, _)| slot).collect();
@@ -51,7 +50,6 @@ impl<T: Real> PointTable<T> {
         table
     }
 
-    /// Number of points.
     pub(super) fn len(&self) -> usize {
         self.volume.len()
     }
@@ -62,7 +60,6 @@ impl<T: Real> PointTable<T> {
         self.slot[point] as usize % LANES
     }
 
-    /// Where a point's nodes stand.
     #[inline(always)]
     pub(super) fn visits(&self, point: usize) -> std::ops::Range<usize> {
         self.start[point] as usize..self.start[point + 1] as usize

@@ -1,7 +1,8 @@
 //! Live members: they follow a stream of poses, are updated from the load cell, and predict the next motion.
 
 use super::assimilate::{Assimilation, Observed, Tracked};
-use super::path::{between, distinct};
+use super::course::{against, between};
+use super::path::distinct;
 use super::together::Together;
 use super::{Band, EnsembleError, Member, Spread};
 use crate::compare::learning::Swing;
@@ -337,9 +338,4 @@ fn double_of<'a>(doubles: &'a mut Vec<Twin>, twin: &Twin) -> &'a mut Twin {
 fn moved(pose: &StampedPose, by_m: f64) -> StampedPose {
     let Pose { tip, axis, .. } = pose.pose;
     StampedPose { pose: Pose { tip: std::array::from_fn(|i| tip[i] + by_m * axis[i]), ..pose.pose }, ..*pose }
-}
-
-/// Force against the insertion, N.
-pub(super) fn against(prediction: &Prediction, pose: &StampedPose) -> f64 {
-    0.0 - (0..3).map(|i| prediction.force_n[i] * pose.pose.axis[i]).sum::<f64>()
 }

@@ -1,8 +1,17 @@
 //! Members of an ensemble: the scene with one draw of every uncertain key, and the alignment of the recording.
 
+use super::EnsembleError;
 use super::points::{DIMENSIONS, MOST, coordinate};
-use super::{EnsembleError, Size};
 use needle_core::scene::{Base, Dependence, InstrumentKind, Override, Recorded, Scene};
+
+/// Size of an ensemble, and the seed of its draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Number of members.
+    pub members: usize,
+    /// Seed.
+    pub seed: u64,
+}
 
 /// Alignment of a recording with a member.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -7,85 +7,34 @@
 
 pub mod assimilate;
 mod band;
+mod course;
 mod crew;
 mod error;
 mod live;
 mod member;
 mod path;
 pub mod points;
+mod result;
 mod together;
 
 pub use assimilate::{Assimilated, Assimilation};
 pub use band::{Band, Spread};
+pub use course::MemberPath;
 pub use crew::Crew;
 pub use error::EnsembleError;
 pub use live::{Ahead, Live, Told, check_live};
-pub use member::Shift;
-pub use member::{Member, check, members};
-pub use path::{MemberPath, Paths, distinct, paths, tracked_paths};
+pub use member::{Member, Shift, Size, check, members};
+pub use path::{Paths, distinct, paths, tracked_paths};
+pub use result::Ensemble;
 
 use std::time::Instant;
 
 use super::Run;
 use super::rows::at_rest;
 use assimilate::{Observed, Tracked};
-use needle_core::scene::{Scene, Uncertain};
+use needle_core::scene::Scene;
 use needle_core::twin::Twin;
 use needle_recording::{MarkerSample, Reading};
-
-/// Result of an ensemble for a run.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ensemble {
-    /// Number of members that were requested.
-    pub members: usize,
-    /// Number of members that completed their run. The others are left out of all results.
-    pub used: usize,
-    /// Number of runs of a twin.
-    pub runs: usize,
-    /// Seed of the draws.
-    pub seed: u64,
-    /// Keys that were drawn.
-    pub keys: Vec<Uncertain>,
-    /// Band of the force at each answer of the run; `None` if no member has an answer.
-    pub bands: Vec<Option<Band>>,
-    /// Depth to which [`Ensemble::targets`] refer, the largest of the run, m.
-    pub target_depth_m: f64,
-    /// Each target of the scene at that depth; empty if no member reached it.
-    pub targets: Vec<Spread>,
-    /// Data assimilation, if there were measurements: the answers that the load cell's readings belong to, and the
-    /// result.
-    pub assimilated: Option<(Vec<usize>, Assimilated)>,
-    /// Wall time of all members, building included, s.
-    pub wall_s: f64,
-}
-
-impl Ensemble {
-    /// Mean width of the band, N; `None` without a band.
-    #[must_use]
-    pub fn mean_width_n(&self) -> Option<f64> {
-        let widths: Vec<f64> = self.bands.iter().flatten().map(|band| band.high_n - band.low_n).collect();
-        (!widths.is_empty()).then(|| widths.iter().sum::<f64>() / widths.len() as f64)
-    }
-
-    /// Share of a run's measured forces inside the band; `None` without measured forces.
-    #[must_use]
-    pub fn share_inside(&self, run: &Run) -> Option<f64> {
-        let both =
-            |(a, band): (&super::Answer, &Option<Band>)| Some((a.measured_n.filter(|m| m.is_finite())?, (*band)?));
-        let inside: Vec<bool> =
-            run.answers.iter().zip(&self.bands).filter_map(both).map(|(measured, band)| band.holds(measured)).collect();
-        (!inside.is_empty()).then(|| inside.iter().filter(|i| **i).count() as f64 / inside.len() as f64)
-    }
-}
-
-/// Size of an ensemble, and the seed of its draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Number of members.
-    pub members: usize,
-    /// Seed.
-    pub seed: u64,
-}
 
 /// The input of a finished run.
 #[derive(Clone, Copy, Debug)]
@@ -181,29 +130,4 @@ fn measured(
     };
     let tracked: Vec<Tracked> = sightings.iter().enumerate().filter_map(seen).collect();
     assimilate::assimilate(&observed, &tracked, &values).map(|found| (answers, found))
-}
-
-impl Run {
-    /// What is drawn about the force at an answer, N: the ends of the members' band, or else the force less and plus its model's error.
-    #[must_use]
-    pub fn shown_band(&self, answer: usize) -> Option<[f64; 2]> {
-        if self.ensemble.is_some() {
-            return self.band(answer).map(|band| [band.low_n, band.high_n]);
-        }
-        let super::Answer { predicted_n, model_error_n, .. } = *self.answers.get(answer)?;
-        Some([predicted_n - model_error_n, predicted_n + model_error_n])
-            .filter(|ends| ends.iter().all(|f| f.is_finite()))
-    }
-
-    /// What that band is, in words.
-    #[must_use]
-    pub const fn band_name(&self) -> &'static str {
-        if self.ensemble.is_some() { "95 % of members" } else { "error of the model" }
-    }
-
-    /// Band of the force at an answer, if there is an ensemble.
-    #[must_use]
-    pub fn band(&self, answer: usize) -> Option<Band> {
-        self.ensemble.as_ref()?.bands.get(answer).copied().flatten()
-    }
 }

@@ -10,26 +10,12 @@
 
 use std::collections::BTreeMap;
 
+use super::course::{Course, INTERRUPTED, MemberPath, deeper};
 use super::{Crew, EnsembleError, Member, together};
-use crate::compare::{Cancel, Finished, Keep, Session, TargetRow};
+use crate::compare::{Finished, Keep, Session};
 use needle_core::scene::Scene;
-use needle_core::twin::{Pose, Team, Twin};
-use needle_recording::{At, Reading};
-
-/// The error of a run that was cancelled.
-pub(super) const INTERRUPTED: &str = "interrupted";
-
-/// The answers of a member.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MemberPath {
-    /// Expected reading of the load cell at each reading, N, positive against the insertion; not a number without an
-    /// answer.
-    pub force_n: Vec<f64>,
-    /// Position of each target at the deepest reading, m.
-    pub targets: Vec<[f64; 3]>,
-    /// The same at each requested time; `None` before the first answer and after the last.
-    pub tracked: Vec<Option<Vec<[f64; 3]>>>,
-}
+use needle_core::twin::{Team, Twin};
+use needle_recording::Reading;
 
 /// Paths of several members.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,32 +77,6 @@ pub(super) fn paths_beside(
     Ok(Paths { of_member, runs: runs.len() })
 }
 
-/// The input of the members' runs.
-pub(super) struct Course<'a> {
-    pub readings: &'a [Reading],
-    /// Times at which the targets are requested, s.
-    pub times_s: &'a [f64],
-    pub cancel: Cancel,
-}
-
-impl Course<'_> {
-    /// Whether the run was cancelled.
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.cancel.is_cancelled()
-    }
-
-    /// The path of a run, from its forces, the readings that it answered, and the targets at each answer.
-    pub(crate) fn path(&self, force_n: Vec<f64>, at: &[usize], targets: &[TargetRow]) -> MemberPath {
-        let deepest = targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
-        let begin_s = at.first().map_or(0.0, |i| self.readings[*i].time_s);
-        MemberPath {
-            force_n,
-            targets: deepest.map_or_else(Vec::new, |row| row.positions.clone()),
-            tracked: self.times_s.iter().map(|time_s| targets_at(targets, time_s - begin_s)).collect(),
-        }
-    }
-}
-
 /// The first member with each distinct mechanics, and for each member the index of its own.
 #[must_use]
 pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
@@ -150,32 +110,6 @@ fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<M
         force_n[*i] = answer.predicted_n;
     }
     if cancel.is_cancelled() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
-}
-
-/// Positions of the targets at a time of the run, interpolated linearly between rows; `None` outside.
-fn targets_at(rows: &[TargetRow], time_s: f64) -> Option<Vec<[f64; 3]>> {
-    let next = rows.partition_point(|row| row.time_s < time_s);
-    let after = rows.get(next)?;
-    if after.time_s == time_s {
-        return Some(after.positions.clone());
-    }
-    let before = rows.get(next.checked_sub(1)?)?;
-    let share = (time_s - before.time_s) / (after.time_s - before.time_s);
-    Some(between(&before.positions, &after.positions, share))
-}
-
-/// Linear interpolation between two sets of positions at the fraction `share`.
-pub(super) fn between(from: &[[f64; 3]], to: &[[f64; 3]], share: f64) -> Vec<[f64; 3]> {
-    from.iter().zip(to).map(|(a, b)| std::array::from_fn(|c| a[c] + share * (b[c] - a[c]))).collect()
-}
-
-/// A reading with the instrument advanced along its axis by a distance, m.
-pub(super) fn deeper(reading: &Reading, by_m: f64) -> Reading {
-    let at = match reading.at {
-        At::Depth(depth_m) => At::Depth(depth_m + by_m),
-        At::Pose(pose) => At::Pose(Pose { tip: std::array::from_fn(|k| pose.tip[k] + by_m * pose.axis[k]), ..pose }),
-    };
-    Reading { at, ..*reading }
 }
 
 /// Applies the member's zero, clock and factor to a run: the expected readings of the load cell.

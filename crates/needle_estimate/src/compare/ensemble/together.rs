@@ -4,9 +4,9 @@
 //! costs about as much as [`FEWEST`] members with a twin each, whatever its size.
 
 use super::Member;
-use super::live::against;
-use super::path::{Course, INTERRUPTED, MemberPath, deeper};
-use crate::compare::{self, TargetRow, stamped};
+use super::course::{Course, INTERRUPTED, MemberPath, against, deeper};
+use crate::compare::TargetRow;
+use crate::compare::session::{not_finite, stamped};
 use needle_core::twin::{Halt, Places, Prediction, StampedPose, Team, Twin};
 
 /// Smallest number of members for which a team is faster.
@@ -80,7 +80,7 @@ impl Run {
                 self.at.push(reading);
                 self.see_targets(twin, &answer);
             }
-            Ok(answer) => self.lost = Some(compare::not_finite(answer.depth_m)),
+            Ok(answer) => self.lost = Some(not_finite(answer.depth_m)),
             Err(Halt::Pose { .. }) => {}
             Err(halt) => self.lost = Some(halt.to_string()),
         }

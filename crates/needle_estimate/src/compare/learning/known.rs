@@ -20,7 +20,7 @@
 use std::array::from_fn;
 use std::sync::OnceLock;
 
-use mtled::number::lanes::{Loop, run};
+use mtled::number::{Loop, run};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::batched_matrix::{at, mean};
