@@ -217,8 +217,13 @@ impl Recording {
     pub fn of_bag(bag: &BagReader, said: &Selection) -> Result<Self, RecordingError> {
         let names = &said.names;
         let by_pose = said.position.place.as_deref().is_some_and(|name| topics::is_pose(bag, name));
-        let joint_state = if by_pose { None } else { topics::joint_state(bag, said)? };
-        let pose = topics::pose(bag, said, joint_state.is_none() && said.position.place.is_none())?;
+        let named = said.position.place.is_some();
+        let joint_state = if by_pose || named { None } else { topics::joint_state(bag, said)? };
+        let pose = match topics::pose(bag, said, joint_state.is_none() && !named) {
+            // poses of which none stands out matter only where nothing else gives the motion
+            Err(_) if joint_state.is_some() && names.pose.is_none() => None,
+            found => found?,
+        };
         // poses are used if they are requested, or if there is no depth
         let by_pose = pose.is_some()
             && (by_pose || said.position.place.is_none() && names.joint_state.is_none())

@@ -48,11 +48,16 @@ impl Dimension {
                 ("kN", 1e3),
                 ("mN", 1e-3),
                 ("uN", 1e-6),
+                ("nN", 1e-9),
+                ("cN", 1e-2),
+                ("daN", 10.0),
                 ("gf", 1e-3 * GRAVITY),
                 ("g", 1e-3 * GRAVITY),
                 ("kgf", GRAVITY),
                 ("kg", GRAVITY),
                 ("lbf", 0.453_592_37 * GRAVITY),
+                ("lb", 0.453_592_37 * GRAVITY),
+                ("ozf", 0.453_592_37 / 16.0 * GRAVITY),
                 ("牛", 1.0),
                 ("Н", 1.0),
                 ("мН", 1e-3),
@@ -114,6 +119,8 @@ impl Dimension {
                 ("gram", "g"),
                 ("grams", "g"),
                 ("gramm", "g"),
+                ("lbs", "lb"),
+                ("pounds", "lb"),
                 ("牛顿", "N"),
                 ("毫牛", "mN"),
             ],
@@ -170,6 +177,11 @@ impl Dimension {
             Some((unit.to_owned(), size))
         })
     }
+}
+
+/// Whether a header has a unit of time, length or force.
+pub(super) fn has_unit(header: &str) -> bool {
+    [Dimension::Time, Dimension::Length, Dimension::Force].iter().any(|d| d.of_header(header).is_some())
 }
 
 /// Whether a text is a unit of time, length or force.

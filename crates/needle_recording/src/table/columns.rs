@@ -71,12 +71,22 @@ struct Sought<'a> {
     option: &'static str,
     words: &'a Words,
     dimension: Dimension,
+    /// Whether it is a ratio of that dimension, a strain.
+    is_ratio: bool,
 }
 
-const TIME: Sought = Sought { what: "time", option: "--time", words: &names::TIME, dimension: Dimension::Time };
-const POSITION: Sought =
-    Sought { what: "position", option: "--position", words: &names::POSITION, dimension: Dimension::Length };
-const FORCE: Sought = Sought { what: "force", option: "--force", words: &names::FORCE, dimension: Dimension::Force };
+const TIME: Sought =
+    Sought { what: "time", option: "--time", words: &names::TIME, dimension: Dimension::Time, is_ratio: false };
+const POSITION: Sought = Sought {
+    what: "position",
+    option: "--position",
+    words: &names::POSITION,
+    dimension: Dimension::Length,
+    is_ratio: false,
+};
+const STRAIN: Sought = Sought { is_ratio: true, ..POSITION };
+const FORCE: Sought =
+    Sought { what: "force", option: "--force", words: &names::FORCE, dimension: Dimension::Force, is_ratio: false };
 
 /// A column that the user named, and the option.
 pub(super) type Named<'a> = (&'static str, &'a str);
@@ -148,8 +158,15 @@ impl Finder<'_> {
         let free = (0..headers.len()).filter(|i| !taken.contains(i) && !empty(*i));
         let ranks: Vec<(usize, u8)> =
             free.map(|i| (i, sought.words.rank(&headers[i]))).filter(|(_, r)| *r > 0).collect();
-        let best = ranks.iter().map(|(_, rank)| *rank).max();
-        ranks.iter().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
+        // a column in a unit of something else, as a strain in %, is only taken if no other fits
+        let fits = |i: usize| {
+            let is_of = sought.dimension.of_header(&headers[i]).is_some();
+            if sought.is_ratio { !is_of } else { is_of || !headers[i].ends_with([')', ']']) }
+        };
+        let some_fit = ranks.iter().any(|(i, _)| fits(*i));
+        let ranks = || ranks.iter().filter(|(i, _)| !some_fit || fits(*i));
+        let best = ranks().map(|(_, rank)| *rank).max();
+        ranks().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
     }
 
     /// The columns of numbers that have a unit of the quantity, and no name that says otherwise.
@@ -395,7 +412,8 @@ impl Finder<'_> {
             columns.markers.extend(self.several(names, length)?);
         }
         if said.pose.is_none() {
-            let place = self.place(&POSITION, said.position.place.as_deref(), &taken)?;
+            let sought = if said.gauge_length_m.is_some() { &STRAIN } else { &POSITION };
+            let place = self.place(sought, said.position.place.as_deref(), &taken)?;
             columns.position = place
                 .map(|i| match said.gauge_length_m {
                     Some(gauge) => self.strain(i, &said.position, gauge),

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io;
 
 use super::columns::{Column, Columns};
-use super::layout::{self, Kind, Layout, Splitter};
+use super::layout::{self, Kind, LOOKED_AT, Layout, Splitter};
 use super::number::{measure, number};
 use super::text::Text;
 use super::{Clock, Table, TableError, clock};
@@ -33,6 +33,14 @@ pub(super) struct Row {
     pub markers: Option<Vec<[f64; 3]>>,
     /// Whether a required cell is not a number, or the row ends before it.
     bad: bool,
+}
+
+impl Row {
+    fn has_sample(&self) -> bool {
+        let force = self.force_n.is_some_and(|force| force.iter().any(|f| f.is_finite()));
+        let markers = self.markers.iter().flatten().flatten().any(|x| x.is_finite());
+        self.depth_m.is_some() || self.pose.is_some() || force || markers
+    }
 }
 
 /// Lines without data, with the bad rows among them: the end of a recording or of the file, or a loss.
@@ -115,7 +123,9 @@ impl Cells<'_> {
         let stamp = stamp.unwrap_or(Ok(at_s.map(|s| (s * 1e9).round() as i64)));
         let Ok(stamp) = stamp else { return Row { bad: true, ..Row::default() } };
         let mut row = Row { stamp, ..Row::default() };
-        row.bad = stamp.is_some() && self.fill(columns, &mut row).is_err();
+        let filled = self.fill(columns, &mut row);
+        // a reading without a time is lost
+        row.bad = if stamp.is_some() { filled.is_err() } else { filled.is_ok() && row.has_sample() };
         row
     }
 
@@ -286,7 +296,7 @@ impl Taking {
     /// What stands behind the last row is no row of it: another table, whose line is given, or a foot.
     fn end(&mut self, table: &mut Table, text: &mut Text) -> Option<usize> {
         let gap = self.gap.take()?;
-        let another = Layout::of(&gap.text, &super::TableLayout { header_line: None, ..Default::default() });
+        let another = Layout::of(&gap.text, &super::TableLayout::default(), LOOKED_AT);
         if gap.bad == 0 {
             // a last row with a stray stamp
             table.lines[1] = self.number;
@@ -422,5 +432,9 @@ mod tests {
         assert_eq!(read(&slow.replace(",\n", "\n")), (0, String::new(), 40, 10));
         // single empty cells are no reading, and no loss
         assert_eq!(read(&plain.replace(",1.520\n", ",\n")), (0, String::new(), 40, 39));
+        // readings without a time are lost; rows without anything are none
+        assert_eq!(read(&plain.replace("\n20,20,", "\n,20,")), lost("line 22:  | 20 | 1.520"));
+        assert_eq!(read(&plain.replace("\n0,0,", "\n,0,")), lost("line 2:  | 0 | 1.50"));
+        assert_eq!(read(&(plain.clone() + ",,\n,,\n")), (0, String::new(), 40, 40));
     }
 }
