@@ -3,7 +3,7 @@
 use super::Adapter;
 use super::Refusal;
 use super::clocks::{self, Census};
-use super::foreign::{ForeignError, WRENCHES, pose_of, wrench_of};
+use super::foreign::{ForeignError, WRENCHES, pose_of, tool_of, wrench_of};
 use super::frame::{FrameError, Frames};
 use super::holes::Holes;
 use super::order::Spread;
@@ -18,7 +18,12 @@ use ros2_messages::RosMessage;
 use ros2_messages::geometry_msgs::PoseArray;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+
+/// Share of the time of a motion without a force that is worth a warning.
+const MUCH: f64 = 0.1;
 
 /// The topics to use, and the joint. If a topic is not given it is found by the last part of the name
 /// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
@@ -30,7 +35,7 @@ pub struct TopicNames {
     pub pose: Option<String>,
     /// geometry_msgs/WrenchStamped: the load cell. Default: a `measured_cf`.
     pub wrench: Option<String>,
-    /// The joint whose position is the depth. Default: `insertion`.
+    /// The joint whose position is the depth, or of transforms the frame of the tip. Default: `insertion`.
     pub joint: String,
     /// Frame that the poses must be in. Default: `sample`.
     pub frame_id: String,
@@ -254,13 +259,29 @@ impl Recording {
             };
             Ok((held, m.header))
         });
+        // a tracker may publish all its tools on one topic
+        let tools = RefCell::new(BTreeSet::new());
+        let tip = (names.joint != TopicNames::default().joint).then_some(names.joint.as_str());
         let poses = reading.gather(pose, |message| {
             let m = pose_of(bag, message)?;
+            if let Some(tool) = tool_of(bag, message)? {
+                let other = tip.is_some_and(|tip| tip != tool);
+                tools.borrow_mut().insert(tool);
+                if other {
+                    return Ok((Held::Nothing(Refusal::OtherTool), m.header));
+                }
+            }
             // any frame is accepted if the user gave the sample's pose in it
             let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { adapter.frame_id };
             let in_m = |pose: Pose| frames.pose(Pose { tip: pose.tip.map(|x| m_per_unit * x), ..pose });
             Ok((Adapter { frame_id, ..adapter }.pose(&m).map(in_m).into(), m.header))
         });
+        let tools = tools.into_inner();
+        if let (Some(topic), None, 2..) = (pose, tip, tools.len()) {
+            let all = tools.into_iter().collect::<Vec<_>>().join(", ");
+            let reason = format!("it has the poses of several frames, {all}: name that of the tip with --joint");
+            return Err(topic_error(bag, &bag.topics()[topic], reason).into());
+        }
         if depths.samples.is_empty() && poses.samples.is_empty() {
             reading.lose(&depths.topic, depths.nothing.clone());
         }
@@ -475,6 +496,9 @@ impl Recording {
     /// axis its driver uses.
     fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
         let along = self.turning(frames, axes);
+        if along.is_none() && with_poses && frames.knows_sample() {
+            self.force_frame = self.topics.frame_id.clone();
+        }
         self.forces.iter_mut().for_each(|s| s.force_n = turned(s.force_n, frames, along, with_poses));
     }
 
@@ -510,6 +534,17 @@ impl Recording {
         forces: usize,
         holes: Holes,
     ) {
+        if let (Some(motion), Some(force)) = (motion, force) {
+            let without = (force.0 - motion.0).max(0.0) + (motion.1 - force.1).max(0.0);
+            let apart = force.0 > motion.1 || motion.0 > force.1;
+            if without > MUCH * (motion.1 - motion.0) && !apart {
+                self.warnings.push(format!(
+                    "the force was recorded from {:.3} to {:.3} s, and the motion from {:.3} to {:.3} s: outside of the force's times nothing is \
+                     compared",
+                    force.0, force.1, motion.0, motion.1
+                ));
+            }
+        }
         if let (Some(motion), Some(force)) = (motion, force)
             && (force.0 > motion.1 || motion.0 > force.1)
         {
