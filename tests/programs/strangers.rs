@@ -146,7 +146,7 @@ const TABLES: &[Case] = &[
         &["several recordings", "--block N", "2 is lines 317 to 816 (500 rows)", "3 is lines 823"],
     ),
     case(5, "import @/results.csv", 0, FORTY),
-    case(5, "import @/results.csv", 0, &["lines 4 to 6 have no times: the table below them is taken"]),
+    case(5, "import @/results.csv", 0, &["the table from line 4 on has no times; that from line 9 on is taken"]),
     case(5, "import @/results_below.csv", 0, FORTY),
     case(5, "import @/results_below.csv", 0, &["(3 rows) have no times and were left out"]),
     case(5, "import tables/mach1_three_blocks.txt --block 1", 0, &["300 readings from 0.000 to 2.990 s"]),

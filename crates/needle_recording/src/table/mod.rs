@@ -333,10 +333,10 @@ impl<'a> Blocks<'a> {
             && timed.has_clock()
         {
             timed.warnings.push(format!(
-                "{}: lines {} to {} have no times: the table below them is taken",
+                "{}: the table from line {} on has no times; that from line {} on is taken",
                 self.file,
                 line + layout.first_row + 1,
-                line + lines
+                line + lines + next.first_row + 1
             ));
             self.source.text.skip(bytes);
             (line, layout, table) = (line + lines, next, Ok(timed));

@@ -125,7 +125,10 @@ impl Cells<'_> {
         let mut row = Row { stamp, ..Row::default() };
         let filled = self.fill(columns, &mut row);
         // a reading without a time is lost
-        row.bad = if stamp.is_some() { filled.is_err() } else { filled.is_ok() && row.has_sample() };
+        row.bad = match stamp {
+            Some(_) => filled.is_err(),
+            None => columns.time.is_some() && filled.is_ok() && row.has_sample(),
+        };
         row
     }
 
