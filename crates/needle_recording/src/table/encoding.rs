@@ -61,12 +61,10 @@ pub(super) fn of(source: &mut impl Read) -> io::Result<(&'static Encoding, usize
 fn by_names(head: &[u8]) -> Option<&'static Encoding> {
     let names = |encoding: &'static Encoding| {
         let (text, _) = encoding.decode_without_bom_handling(head);
-        // no header has characters for private use
-        if text.contains(|c| ('\u{e000}'..='\u{f8ff}').contains(&c)) {
-            return 0;
-        }
         let cells = text.split([',', ';', '\t', '|', '\n']);
-        cells.filter(|cell| !cell.is_ascii() && names::is_known(cell)).count()
+        // no header has characters that are none, or for private use
+        let wrong = |c: char| c == char::REPLACEMENT_CHARACTER || ('\u{e000}'..='\u{f8ff}').contains(&c);
+        cells.filter(|cell| !cell.is_ascii() && !cell.contains(wrong) && names::is_known(cell)).count()
     };
     OLDER
         .into_iter()
