@@ -58,6 +58,7 @@ const TABLES: &[Case] = &[
     case(1, "import @/weekday.csv", 0, FORTY),
     case(1, "import @/zone.csv", 0, FORTY),
     case(1, "import @/points_of_time.csv", 0, FORTY),
+    case(1, "import @/day_and_seconds.csv", 0, FORTY),
     case(1, "import @/no_time.csv", 3, &["1 messages left out", "line 22", "depth  39", "force  39"]),
     case(1, "import @/newest.csv", 0, FORTY),
     case(1, "import @/epoch.csv", 0, &["in ms", "depth  40 readings from 0.000 to 3.900 s"]),
@@ -132,6 +133,8 @@ const TABLES: &[Case] = &[
     case(4, "import @/long_head.csv", 0, FORTY),
     case(4, "import @/long_head.csv --header-line 601", 0, FORTY),
     case(4, "import @/strain.csv", 0, FORTY),
+    case(4, "import @/only_strain.csv --gauge-length-m 0.02", 0, FORTY),
+    case(4, "import @/only_strain.csv", 1, &["`Dehnung (%)`", "--gauge-length-m"]),
     case(4, "import @/swedish.csv", 0, FORTY),
     case(4, "import @/polish.csv --time-unit s --position-unit mm --force-unit N", 0, FORTY),
     case(4, "import @/soll.csv", 0, FORTY),
@@ -636,6 +639,10 @@ fn make(folder: &Path) {
     write("long_head.csv", format!("{long_head}{head}{plain}").as_bytes());
     let strain = rows(&|_, t, d, f| format!("{t:.1};{f:.4};{d:.2};{:.3}\n", 5.0 * d));
     write("strain.csv", format!("Prüfzeit;Kraft;Standardweg;Dehnung\ns;N;mm;%\n{strain}").as_bytes());
+    let only_strain = rows(&|_, t, d, f| format!("{:.3};{t:.1};{f:.4}\n", 5.0 * d));
+    write("only_strain.csv", format!("Dehnung;Prüfzeit;Kraft\n%;s;N\n{only_strain}").as_bytes());
+    let day = rows(&|_, t, d, f| format!("2026-03-04,10:15:00,{t:.1},{d:.2},{f:.4}\n"));
+    write("day_and_seconds.csv", format!("Date,Time,Elapsed {{s}},Depth {{mm}},Load {{N}}\n{day}").as_bytes());
     let latin = |text: &str| text.chars().map(|c| c as u8).collect::<Vec<u8>>();
     write("swedish.csv", &latin(&format!("Tid (s);Förskjutning (mm);Kraft (N)\n{comma}")));
     write("polish.csv", &WINDOWS_1250.encode(&format!("Czas;Przemieszczenie;Siła\n{comma}")).0);

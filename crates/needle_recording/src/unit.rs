@@ -157,7 +157,7 @@ impl Dimension {
         unit.is_some_and(|(unit, _)| self.unit(unit).is_some())
     }
 
-    /// The unit in a header: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
+    /// The unit in a header: `Load (N)`, `Load [N]`, `Load {N}`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
     #[must_use]
     pub(crate) fn of_header(self, header: &str) -> Option<(String, f64)> {
         let within = |open: char, close: char| {
@@ -165,7 +165,7 @@ impl Dimension {
             rest.split_once(close).map(|(unit, _)| unit)
         };
         let behind = ['/', ',', '_', '.', ' '].map(|c| header.rsplit_once(c).map(|(_, unit)| unit));
-        let found = [within('(', ')'), within('[', ']'), within('<', '>'), within('（', '）')]
+        let found = [within('(', ')'), within('[', ']'), within('<', '>'), within('{', '}'), within('（', '）')]
             .into_iter()
             .chain(behind)
             .flatten();

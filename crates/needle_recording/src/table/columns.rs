@@ -236,6 +236,9 @@ impl Finder<'_> {
             }
             None => header().ok_or_else(|| {
                 let counts = match sought.dimension {
+                    Dimension::Length if name.contains('%') => {
+                        ", and of a strain the length that it is of with --gauge-length-m"
+                    }
                     Dimension::Length => ", and of an encoder's counts the length of one with --position-scale",
                     _ => "",
                 };
@@ -292,7 +295,7 @@ impl Finder<'_> {
                 {
                     Some(first)
                 }
-                _ => match self.seconds_and_nanoseconds() {
+                ref several => match self.seconds_and_nanoseconds().or_else(|| self.only_number(several)) {
                     Some(seconds) => Some(seconds),
                     None => match self.place(&TIME, None, &[])? {
                         Some(named) => Some(named),
@@ -317,6 +320,14 @@ impl Finder<'_> {
             }
         };
         Ok(Some((column, clock)))
+    }
+
+    /// The one column of numbers with a unit among others of dates and times.
+    fn only_number(&self, of: &[usize]) -> Option<usize> {
+        let has_unit = |i: &&usize| TIME.dimension.of_header(&self.name(**i)).is_some();
+        let (dates, numbers): (Vec<usize>, Vec<usize>) = of.iter().partition(|i| self.layout.kind(**i) == Kind::Time);
+        let [one] = numbers[..] else { return None };
+        Some(one).filter(|one| !dates.is_empty() && has_unit(&one))
     }
 
     /// The unit of times since 1970 of which the header has none: no two of these units fit one time of this century.

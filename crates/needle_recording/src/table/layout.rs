@@ -334,8 +334,16 @@ struct Above<'a> {
 
 impl Above<'_> {
     fn split(&self, line: &str) -> Vec<String> {
+        let of = |line: &str| -> Vec<String> {
+            self.seen.split.cells(line).iter().map(|cell| cell.replace('\n', " ")).collect()
+        };
+        // the unit of a strain, and no comment
+        let whole = of(line);
+        if whole.len() == self.columns && whole.first().is_some_and(|cell| cell == "%") {
+            return whole;
+        }
         let line = line.trim_start_matches(['\u{feff}', '#', '%']);
-        let cells: Vec<String> = self.seen.split.cells(line).iter().map(|cell| cell.replace('\n', " ")).collect();
+        let cells = of(line);
         if self.seen.split.separator == ' ' && cells.len() != self.columns { by_gaps(line) } else { cells }
     }
 
