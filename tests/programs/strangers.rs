@@ -290,6 +290,15 @@ const BAGS: &[Case] = &[
         3,
         &["nothing in common", "--time-offset-s", "nothing was compared"],
     ),
+    case(
+        12,
+        "replay @/way.csv --force-file @/cell.csv",
+        3,
+        &["nothing in common", "--time-offset-s", "(100.000 more puts"],
+    ),
+    case(12, "replay @/way.csv --force-file @/cell.csv --time-offset-s 100", 0, &["the model explains"]),
+    case(12, "calibrate @/way.csv --force-file @/cell.csv --fit material.shear_modulus_pa", 1, &["--time-offset-s"]),
+    case(2, "replay @/sentinel.csv", 0, &["1 of 600 forces are -9999 N", "leave it out"]),
     case(13, "replay @/stops.csv", 0, &["the force was recorded from 0.000 to 2.990 s", "nothing is compared"]),
     case(
         13,
@@ -737,6 +746,16 @@ fn make(folder: &Path) {
         })
         .collect();
     write("stops.csv", format!("{head}{stops}").as_bytes());
+    let pressed = press(0.0, &force);
+    let column = |k: usize, late_s: f64| -> String {
+        let cells = |line: &str| -> Vec<f64> { line.split(',').map(|cell| cell.parse().unwrap()).collect() };
+        pressed.lines().map(cells).map(|row| format!("{:.2},{}\n", row[0] + late_s, row[k])).collect()
+    };
+    write("way.csv", format!("Time (s),Depth (mm)\n{}", column(1, 0.0)).as_bytes());
+    write("cell.csv", format!("Time (s),Load (N)\n{}", column(2, 100.0)).as_bytes());
+    let mut lines: Vec<&str> = pressed.lines().collect();
+    lines[250] = "2.50,2.0000,-9999";
+    write("sentinel.csv", format!("{head}{}\n", lines.join("\n")).as_bytes());
     write("early.csv", format!("{head}{}", press(-1.3, &force)).as_bytes());
     write("datum.csv", format!("{head}{}", press(12.7, &force)).as_bytes());
     let height = |line: &str| -> String {

@@ -22,6 +22,8 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+/// A force this many times as large as all others is no reading.
+const SENTINEL: f64 = 100.0;
 /// Share of the time of a motion without a force that is worth a warning.
 const MUCH: f64 = 0.1;
 
@@ -534,24 +536,28 @@ impl Recording {
         forces: usize,
         holes: Holes,
     ) {
-        if let (Some(motion), Some(force)) = (motion, force) {
-            let without = (force.0 - motion.0).max(0.0) + (motion.1 - force.1).max(0.0);
-            let apart = force.0 > motion.1 || motion.0 > force.1;
-            if without > MUCH * (motion.1 - motion.0) && !apart {
-                self.warnings.push(format!(
-                    "the force was recorded from {:.3} to {:.3} s, and the motion from {:.3} to {:.3} s: outside of the force's times nothing is \
-                     compared",
-                    force.0, force.1, motion.0, motion.1
-                ));
-            }
+        let both = motion.zip(force);
+        let apart = both.is_some_and(|(motion, force)| force.0 > motion.1 || motion.0 > force.1);
+        let in_part = |((from, to), (start, end)): &((f64, f64), (f64, f64))| {
+            (start - from).max(0.0) + (to - end).max(0.0) > MUCH * (to - from)
+        };
+        if let Some((motion, force)) = both.filter(|both| !apart && in_part(both)) {
+            self.warnings.push(format!(
+                "the force was recorded from {:.3} to {:.3} s, and the motion from {:.3} to {:.3} s: outside of the force's times nothing is \
+                 compared",
+                force.0, force.1, motion.0, motion.1
+            ));
         }
-        if let (Some(motion), Some(force)) = (motion, force)
-            && (force.0 > motion.1 || motion.0 > force.1)
-        {
+        if let Some((motion, force)) = both.filter(|_| apart) {
             let reason = format!(
                 "their times ({:.3} to {:.3} s) and those of the motion ({:.3} to {:.3} s) have nothing in common: their stamps are from \
-                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart",
-                force.0, force.1, motion.0, motion.1
+                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart ({:.3} more puts their beginnings \
+                 together)",
+                force.0,
+                force.1,
+                motion.0,
+                motion.1,
+                force.0 - motion.0
             );
             let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
             self.losses.push(Loss::Samples { topic, count: forces as u64, reason });
@@ -566,10 +572,29 @@ impl Recording {
         self.losses.extend(self.holes.iter().map(hole));
     }
 
+    /// A message about single forces that are far larger than all others and alike: a value that stands for none, as -9999.
+    fn sentinels(&self) -> Option<String> {
+        let size = |s: &ForceSample| s.force_n.iter().fold(0.0, |most: f64, f| most.max(f.abs()));
+        let most = self.forces.iter().map(size).fold(0.0, f64::max);
+        let of = |s: &&ForceSample| size(s) == most;
+        let (count, first) = (self.forces.iter().filter(of).count(), self.forces.iter().find(of)?);
+        let others = self.forces.iter().map(size).filter(|size| *size < most).fold(0.0, f64::max);
+        (others > 0.0 && most > SENTINEL * others && 2 * count < self.forces.len()).then(|| {
+            let largest = first.force_n.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default();
+            format!(
+                "{count} of {} forces are {largest} N, and all others at most {others:.4} N, the first at {:.3} s: if that stands for no reading, \
+                 leave it out of the recording",
+                self.forces.len(),
+                first.time_s
+            )
+        })
+    }
+
     /// The same, of series in memory.
     fn check_times(&mut self) {
         let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
         let force = span(self.forces.iter().map(|s| s.time_s));
+        self.warnings.extend(self.sentinels());
         let mut holes = Holes::new(self.depths.is_empty());
         self.in_time().for_each(|sample| holes.note(&sample));
         self.lose_times(motion, force, self.forces.len(), holes);
