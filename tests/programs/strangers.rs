@@ -59,6 +59,7 @@ const TABLES: &[Case] = &[
     case(1, "import @/zone.csv", 0, FORTY),
     case(1, "import @/points_of_time.csv", 0, FORTY),
     case(1, "import @/day_and_seconds.csv", 0, FORTY),
+    case(1, "import @/midnights.csv", 0, FORTY),
     case(1, "import @/no_time.csv", 3, &["1 messages left out", "line 22", "depth  39", "force  39"]),
     case(1, "import @/newest.csv", 0, FORTY),
     case(1, "import @/epoch.csv", 0, &["in ms", "depth  40 readings from 0.000 to 3.900 s"]),
@@ -651,6 +652,8 @@ fn make(folder: &Path) {
     let only_strain = rows(&|_, t, d, f| format!("{:.3};{t:.1};{f:.4}\n", 5.0 * d));
     write("only_strain.csv", format!("Dehnung;Prüfzeit;Kraft\n%;s;N\n{only_strain}").as_bytes());
     let day = rows(&|_, t, d, f| format!("2026-03-04,10:15:00,{t:.1},{d:.2},{f:.4}\n"));
+    let midnights = rows(&|i, _, d, f| format!("2026-03-04 00:00:00,10:15:{:02}.{},{d:.2},{f:.4}\n", i / 10, i % 10));
+    write("midnights.csv", format!("Date,Time,Depth (mm),Load (N)\n{midnights}").as_bytes());
     write("day_and_seconds.csv", format!("Date,Time,Elapsed {{s}},Depth {{mm}},Load {{N}}\n{day}").as_bytes());
     let latin = |text: &str| text.chars().map(|c| c as u8).collect::<Vec<u8>>();
     write("swedish.csv", &latin(&format!("Tid (s);Förskjutning (mm);Kraft (N)\n{comma}")));

@@ -98,10 +98,11 @@ fn ns(time: NaiveTime) -> i64 {
     i64::from(time.num_seconds_from_midnight()) * 1_000_000_000 + i64::from(time.nanosecond())
 }
 
-/// Start of a day, ns since 1970.
+/// Start of a day, ns since 1970. Workbooks and pandas write a midnight behind it.
 pub(super) fn date(text: &str, format: &str) -> Option<i64> {
     use chrono::Datelike as _;
     let text = text.trim();
+    let text = text.strip_suffix("00:00:00").map_or(text, |day| day.trim_end_matches(['T', ' ']));
     if !text.starts_with(|c: char| c.is_ascii_alphanumeric()) {
         return None;
     }
@@ -246,6 +247,17 @@ mod tests {
         ] {
             assert!(!is_time(text), "{text}");
         }
+    }
+
+    #[test]
+    fn a_day_may_end_with_midnight() {
+        let day = date("2026-03-04", "%Y-%m-%d");
+        assert!(day.is_some());
+        for text in ["2026-03-04 00:00:00", "2026-03-04T00:00:00"] {
+            assert_eq!(date(text, "%Y-%m-%d"), day);
+            assert_eq!(date_time(text, "%Y-%m-%d"), day);
+        }
+        assert_eq!(date("00:00:00", "%Y-%m-%d"), None);
     }
 
     #[test]

@@ -373,11 +373,12 @@ impl Finder<'_> {
             // the date is in a column before it
             return Ok(day.map_or(Clock::TimeOfDay, |(i, format)| Clock::Date(format, [i, index])));
         }
-        if let Some(format) = clock::format_of(&own, clock::date_time) {
+        let beside = self.layout.kind(index + 1) == Kind::Time
+            && cells(index + 1).iter().filter(|cell| clock::is_time(cell)).all(|cell| clock::of_day(cell).is_some());
+        let day = clock::format_of(&own, clock::date).filter(|_| beside);
+        if let Some(format) = clock::format_of(&own, clock::date_time).filter(|_| day.is_none()) {
             return Ok(Clock::DateTime(format));
         }
-        let beside = self.layout.kind(index + 1) == Kind::Time;
-        let day = clock::format_of(&own, clock::date).filter(|_| beside);
         let error = || {
             let (name, cell) = (self.name(index), own.first().copied().unwrap_or_default());
             self.error(format!("the times of column `{name}` can't be read, as `{cell}`: name another one with --time"))
