@@ -62,7 +62,7 @@ impl RecordedOptions {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Bag")]
 pub(super) struct TopicOptions {
-    /// Joint whose position is the depth
+    /// Joint whose position is the depth; of transforms of several tools, the frame of the tip
     #[arg(long, value_name = "NAME", default_value = "insertion")]
     joint: String,
 

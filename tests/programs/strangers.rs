@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use assert_cmd::Command;
-use encoding_rs::{GBK, IBM866, KOI8_R, SHIFT_JIS, WINDOWS_1251};
+use encoding_rs::{GBK, IBM866, KOI8_R, SHIFT_JIS, WINDOWS_1250, WINDOWS_1251};
 use tempfile::TempDir;
 
 /// What must come of a command. `@` in its words stands for the folder of tables that the test makes; words after a `!` must
@@ -55,6 +55,13 @@ const TABLES: &[Case] = &[
     case(1, "import @/brackets.csv", 0, FORTY),
     case(1, "import @/serial.csv --time-unit d", 0, FORTY),
     case(1, "import @/serial.csv", 1, &["no unit stands in the header `Date`", "--time-unit"]),
+    case(1, "import @/weekday.csv", 0, FORTY),
+    case(1, "import @/zone.csv", 0, FORTY),
+    case(1, "import @/points_of_time.csv", 0, FORTY),
+    case(1, "import @/day_and_seconds.csv", 0, FORTY),
+    case(1, "import @/midnights.csv", 0, FORTY),
+    case(1, "import @/no_time.csv", 3, &["1 messages left out", "line 22", "depth  39", "force  39"]),
+    case(1, "import @/newest.csv", 0, FORTY),
     case(1, "import @/epoch.csv", 0, &["in ms", "depth  40 readings from 0.000 to 3.900 s"]),
     case(
         2,
@@ -118,6 +125,23 @@ const TABLES: &[Case] = &[
     case(4, "import @/japanese.csv", 0, FORTY),
     case(4, "import @/r.csv", 0, FORTY),
     case(4, "import @/minus.csv", 0, FORTY),
+    case(4, "import @/excel.csv", 0, FORTY),
+    case(4, "import @/lines.csv", 0, FORTY),
+    case(4, "import @/units_above.csv", 0, FORTY),
+    case(4, "import @/dashes.csv", 0, FORTY),
+    case(4, "import @/units_alone.csv", 0, FORTY),
+    case(4, "import @/counter.csv", 0, FORTY),
+    case(4, "import @/long_head.csv", 0, FORTY),
+    case(4, "import @/long_head.csv --header-line 601", 0, FORTY),
+    case(4, "import @/strain.csv", 0, FORTY),
+    case(4, "import @/only_strain.csv --gauge-length-m 0.02", 0, FORTY),
+    case(4, "import @/only_strain.csv", 1, &["`Dehnung (%)`", "--gauge-length-m"]),
+    case(4, "import @/swedish.csv", 0, FORTY),
+    case(4, "import @/polish.csv --time-unit s --position-unit mm --force-unit N", 0, FORTY),
+    case(4, "import @/soll.csv", 0, FORTY),
+    case(4, "import @/joined.csv", 0, FORTY),
+    case(4, "import @/centinewton.csv", 0, FORTY),
+    case(4, "import @/pounds.csv", 0, FORTY),
     case(4, "import @/two_forces.csv", 0, &["4 `Axis B (N)` are forces by their units", "--force"]),
     case(
         5,
@@ -125,6 +149,10 @@ const TABLES: &[Case] = &[
         1,
         &["several recordings", "--block N", "2 is lines 317 to 816 (500 rows)", "3 is lines 823"],
     ),
+    case(5, "import @/results.csv", 0, FORTY),
+    case(5, "import @/results.csv", 0, &["the table from line 4 on has no times; that from line 9 on is taken"]),
+    case(5, "import @/results_below.csv", 0, FORTY),
+    case(5, "import @/results_below.csv", 0, &["(3 rows) have no times and were left out"]),
     case(5, "import tables/mach1_three_blocks.txt --block 1", 0, &["300 readings from 0.000 to 2.990 s"]),
     case(5, "import tables/mach1_three_blocks.txt --block 2", 0, &["500 readings from 0.000 to 4.990 s"]),
     case(5, "import tables/mach1_three_blocks.txt --block 3", 0, &["300 readings from 0.000 to 2.990 s"]),
@@ -179,6 +207,9 @@ const TABLES: &[Case] = &[
     case(9, "import @/old.xls", 1, &["spreadsheet", "xlrd", "read_excel", "to_csv"]),
     case(9, "import @/old.npz", 1, &["no archive of NumPy"]),
     case(9, "import @/old.xlsx", 1, &["can't be opened", "without a password", "CSV"]),
+    case(9, "import @/text.xls", 0, FORTY),
+    case(9, "import @/page.xls", 1, &["a page of HTML", "read_html"]),
+    case(9, "import @/lines.json", 1, &["a JSON file of lines", "read_json", "lines=True"]),
     case(9, "import @/renamed.csv", 1, &["such a spreadsheet under another name", "read_excel"]),
     case(9, "import @/renamed.dat", 1, &["an HDF5 file", "h5py"]),
     case(9, "import @/frame.feather", 1, &["an Arrow file", "read_feather"]),
@@ -260,6 +291,16 @@ const BAGS: &[Case] = &[
         3,
         &["nothing in common", "--time-offset-s", "nothing was compared"],
     ),
+    case(
+        12,
+        "replay @/way.csv --force-file @/cell.csv",
+        3,
+        &["nothing in common", "--time-offset-s", "(100.000 more puts"],
+    ),
+    case(12, "replay @/way.csv --force-file @/cell.csv --time-offset-s 100", 0, &["the model explains"]),
+    case(12, "calibrate @/way.csv --force-file @/cell.csv --fit material.shear_modulus_pa", 1, &["--time-offset-s"]),
+    case(2, "replay @/sentinel.csv", 0, &["1 of 600 forces are -9999 N", "leave it out"]),
+    case(13, "replay @/stops.csv", 0, &["the force was recorded from 0.000 to 2.990 s", "nothing is compared"]),
     case(
         13,
         "replay bags/split_missing_middle",
@@ -369,6 +410,36 @@ const POSES: &[Case] = &[
         &["rmse 0.0010 N", "the model explains"],
     ),
     case(17, "replay bags/cp_world.mcap --sample-pose 0.45,-0.12,0.335,1,0,0,0", 1, &["the instrument points up"]),
+    case(
+        17,
+        "replay bags/cp_world.mcap --sample-pose 0.41,-0.12,0.3,0,0,0,1",
+        1,
+        &["40.0 mm beside", "there is no sample", "--sample-pose 0.0400,0.0000,0,0,0,0,1"],
+    ),
+    case(
+        17,
+        "replay bags/cp_world.mcap --sample-pose 0.44,-0.12,0.3,0,0,0,1",
+        1,
+        &["10.0 mm beside", "--sample-pose 0.0100,0.0000,0,0,0,0,1", "--set instrument.entry_x_m=0.0100"],
+    ),
+    case(
+        17,
+        "replay bags/cp_world.mcap --sample-pose 0.45,-0.12,0.317,0,0,0,1",
+        1,
+        &["goes from 0.0160 to 0.0270 m", "its origin at the top", "with --sample-pose", "!--position-zero"],
+    ),
+    case(
+        17,
+        "replay bags/cp_world.mcap --sample-pose 0.45,-0.12,0.335,0.70711,0,0,0.70711",
+        1,
+        &["lies across the sample", "frame of its poses is turned", "(-0.70711,0.00000,0.00000,0.70711 is the least"],
+    ),
+    case(
+        17,
+        "replay @/sideways.csv --pose-columns x,y,z,qx,qy,qz,qw",
+        1,
+        &["lies across the sample", "its x axis goes that way", "from the handle to the tip"],
+    ),
     case(17, "replay bags/cp_world.mcap --gauge-length-m 0.1", 1, &["--gauge-length-m says nothing of a bag"]),
 ];
 const CHECKS: &[Case] = &[
@@ -384,6 +455,12 @@ const CHECKS: &[Case] = &[
         "scene check meshes/rat_mm.toml --set motion.depth_m=0.02",
         0,
         &["likely cm", "sample.mesh_unit_m = 0.01 (then 60 x 60 x 40 mm)"],
+    ),
+    case(
+        19,
+        "scene check meshes/rat_mm.toml --set sample.shape=outline --set discretisation.spacing_m=0.002",
+        1,
+        &["likely mm", "sample.mesh_unit_m = 0.001", "nodes"],
     ),
     case(19, "scene check meshes/mm.toml", 1, &["30.0000 m long", "likely mm", "mesh_unit_m = 0.001"]),
     case(19, "scene check meshes/yup.toml", 1, &["y is up", "z must be", "mesh.points"]),
@@ -552,6 +629,56 @@ fn make(folder: &Path) {
     write("minus.csv", format!("{head}{}", plain.replace("\n2.0,0.40,0", "\n2.0,0.40,\u{2212}0")).as_bytes());
     let two_forces = rows(&|_, t, d, f| format!("{t:.1},{d:.2},{f:.4},{f:.4}\n"));
     write("two_forces.csv", format!("Time (s),Depth (mm),Axis A (N),Axis B (N)\n{two_forces}").as_bytes());
+    let weekday = stamped(&|i| format!("Wed Mar  4 10:15:{:02}.{} 2026", i / 10, i % 10));
+    write("weekday.csv", format!("Time,Depth (mm),Load (N)\n{weekday}").as_bytes());
+    let zone = stamped(&|i| format!("2026-03-04 10:15:{:02}.{} CET", i / 10, i % 10));
+    write("zone.csv", format!("Time,Depth (mm),Load (N)\n{zone}").as_bytes());
+    let finnish = rows(&|i, _, d, f| format!("4.3.2026 10.15.{:02},{};{d:.2};{f:.4}\n", i / 10, i % 10));
+    write("points_of_time.csv", format!("Aika;Siirtymä (mm);Voima (N)\n{finnish}").as_bytes());
+    write("no_time.csv", format!("{head}{}", plain.replace("\n2.0,", "\n,")).as_bytes());
+    let newest: String = plain.lines().rev().map(|line| format!("{line}\n")).collect();
+    write("newest.csv", format!("{head}{newest}").as_bytes());
+    let formulas = rows(&|_, t, d, f| format!("=\"{t:.1}\",=\"{d:.2}\",=\"{f:.4}\"\n"));
+    write("excel.csv", format!("{head}{formulas}").as_bytes());
+    write("lines.csv", format!("\"Time\n(s)\",\"Depth\n(mm)\",\"Load\n(N)\"\n{plain}").as_bytes());
+    write("units_above.csv", format!("s,mm,N\nTime,Depth,Load\n{plain}").as_bytes());
+    write("dashes.csv", format!("Time,Depth,Load\ns,mm,N\n-,-,-\n{plain}").as_bytes());
+    write("units_alone.csv", format!("Gel 7\ns,mm,N\n{plain}").as_bytes());
+    write("counter.csv", format!("Points, Elapsed Time , Disp, Load\n  , Sec , mm, N\n{numbered}").as_bytes());
+    let long_head: String = (0..600).map(|i| format!("Setting {i},{i}\n")).collect();
+    write("long_head.csv", format!("{long_head}{head}{plain}").as_bytes());
+    let strain = rows(&|_, t, d, f| format!("{t:.1};{f:.4};{d:.2};{:.3}\n", 5.0 * d));
+    write("strain.csv", format!("Prüfzeit;Kraft;Standardweg;Dehnung\ns;N;mm;%\n{strain}").as_bytes());
+    let only_strain = rows(&|_, t, d, f| format!("{:.3};{t:.1};{f:.4}\n", 5.0 * d));
+    write("only_strain.csv", format!("Dehnung;Prüfzeit;Kraft\n%;s;N\n{only_strain}").as_bytes());
+    let day = rows(&|_, t, d, f| format!("2026-03-04,10:15:00,{t:.1},{d:.2},{f:.4}\n"));
+    let midnights = rows(&|i, _, d, f| format!("2026-03-04 00:00:00,10:15:{:02}.{},{d:.2},{f:.4}\n", i / 10, i % 10));
+    write("midnights.csv", format!("Date,Time,Depth (mm),Load (N)\n{midnights}").as_bytes());
+    write("day_and_seconds.csv", format!("Date,Time,Elapsed {{s}},Depth {{mm}},Load {{N}}\n{day}").as_bytes());
+    let latin = |text: &str| text.chars().map(|c| c as u8).collect::<Vec<u8>>();
+    write("swedish.csv", &latin(&format!("Tid (s);Förskjutning (mm);Kraft (N)\n{comma}")));
+    write("polish.csv", &WINDOWS_1250.encode(&format!("Czas;Przemieszczenie;Siła\n{comma}")).0);
+    let soll = rows(&|_, t, d, f| format!("{t:.1};{:.2};{d:.2};{f:.4}\n", 1.0 + d));
+    write("soll.csv", format!("Zeit (s);Soll-Position (mm);Ist-Position (mm);Kraft (N)\n{soll}").as_bytes());
+    write("joined.csv", format!("timeStamp_s,zPosition_mm,loadCell_N\n{plain}").as_bytes());
+    let scaled = |n: f64| rows(&|_, t, d, f| format!("{t:.1},{d:.2},{:.8}\n", f / n));
+    write("centinewton.csv", format!("Time (s),Depth (mm),Load (cN)\n{}", scaled(0.01)).as_bytes());
+    write("pounds.csv", format!("Time (s),Depth (mm),Load (lbs)\n{}", scaled(4.448_221_615)).as_bytes());
+    let maxima = "1,0.0039,5.2\n2,0.0041,5.3\nMean,0.0040,5.25\n";
+    let above = format!("Results\n,Maximum Load,Modulus\n,(N),(kPa)\n{maxima}\n{head}{plain}");
+    write("results.csv", above.as_bytes());
+    let below = format!("{head}{plain}\nSpecimen,Maximum Load (N),Modulus (kPa)\n{}", maxima.replace("Mean", "3"));
+    write("results_below.csv", below.as_bytes());
+    write("text.xls", format!("{head}{plain}").replace(',', "\t").as_bytes());
+    write("page.xls", b"<html><table><tr><td>Time (s)</td></tr>\n</table></html>\n");
+    write("lines.json", b"{\"t\": 0.0, \"d\": 0.0, \"f\": 0.0}\n{\"t\": 0.1, \"d\": 0.02, \"f\": 0.1}\n");
+    let sideways: String = (0..200)
+        .map(|i| {
+            let t = f64::from(i) * 0.01;
+            format!("{t:.2},0,0,{:.5},0,0.70711,0,0.70711,{:.4}\n", 0.018 - 0.005 * t, 0.01 * t)
+        })
+        .collect();
+    write("sideways.csv", format!("Time (s),x (m),y (m),z (m),qx,qy,qz,qw,Load (N)\n{sideways}").as_bytes());
     let epoch = rows(&|i, _, d, f| format!("{},{d:.2},{f:.4}\n", 1_767_225_600_000_u64 + u64::from(i) * 100));
     write("epoch.csv", format!("timestamp,Depth (mm),Load (N)\n{epoch}").as_bytes());
     write("milliseconds.csv", format!("Time,Depth (mm),Load (N)\n{epoch}").as_bytes());
@@ -613,6 +740,25 @@ fn make(folder: &Path) {
         format!("{:.2},{d:.4},{:.5}\n", f64::from(i) * 0.02, noise + f)
     };
     write("bent.csv", format!("{head}{}", (0..800).map(bent).collect::<String>()).as_bytes());
+    let stops: String = press(0.0, &force)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| {
+            let end = line.rfind(',').unwrap() + 1;
+            format!("{}\n", if i < 300 { line } else { &line[..end] })
+        })
+        .collect();
+    write("stops.csv", format!("{head}{stops}").as_bytes());
+    let pressed = press(0.0, &force);
+    let column = |k: usize, late_s: f64| -> String {
+        let cells = |line: &str| -> Vec<f64> { line.split(',').map(|cell| cell.parse().unwrap()).collect() };
+        pressed.lines().map(cells).map(|row| format!("{:.2},{}\n", row[0] + late_s, row[k])).collect()
+    };
+    write("way.csv", format!("Time (s),Depth (mm)\n{}", column(1, 0.0)).as_bytes());
+    write("cell.csv", format!("Time (s),Load (N)\n{}", column(2, 100.0)).as_bytes());
+    let mut lines: Vec<&str> = pressed.lines().collect();
+    lines[250] = "2.50,2.0000,-9999";
+    write("sentinel.csv", format!("{head}{}\n", lines.join("\n")).as_bytes());
     write("early.csv", format!("{head}{}", press(-1.3, &force)).as_bytes());
     write("datum.csv", format!("{head}{}", press(12.7, &force)).as_bytes());
     let height = |line: &str| -> String {

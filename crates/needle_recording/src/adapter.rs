@@ -50,7 +50,8 @@ pub enum Refusal {
     #[error(
         "it is in frame `{found}`, the twin needs `{wanted}` (origin at the centre of the sample's bottom face, z up): \
          transform it (--sample-pose of a replay: the sample's pose in `{found}`), or name the frame if it is the sample's (frame_id of \
-         the node, --frame-id of a replay)"
+         the node, --frame-id of a replay{})",
+        if found.is_empty() { ": --frame-id \"\" where there is none" } else { "" }
     )]
     WrongFrame {
         /// The frame that the twin needs.
@@ -58,6 +59,9 @@ pub enum Refusal {
         /// The received frame.
         found: String,
     },
+    /// The pose is that of another frame than the tip's.
+    #[error("it is not of the tip's frame (--joint)")]
+    OtherTool,
     /// A coordinate is not finite.
     #[error("its position {position:?} is not finite; check the sensor")]
     Position {

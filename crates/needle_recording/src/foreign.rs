@@ -194,6 +194,12 @@ pub(super) fn pose_of(bag: &BagReader, message: &Message) -> Result<PoseStamped,
     }
 }
 
+/// The frame whose pose a message of a transform holds; `None` of other types, which do not name it.
+pub(super) fn tool_of(bag: &BagReader, message: &Message) -> Result<Option<String>, String> {
+    let is_transform = bag.topics().get(message.topic).is_some_and(|t| t.type_name == TransformStamped::TYPE);
+    is_transform.then(|| bag.decode::<TransformStamped>(message).map(|m| m.child_frame_id)).transpose()
+}
+
 /// The wrench from a message of one of [`WRENCHES`].
 pub(super) fn wrench_of(bag: &BagReader, message: &Message) -> Result<WrenchStamped, String> {
     let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());

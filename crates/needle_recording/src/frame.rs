@@ -71,6 +71,11 @@ impl Frames {
         }
     }
 
+    /// Whether the user gave the pose of the sample.
+    pub(crate) const fn knows_sample(&self) -> bool {
+        self.sample.is_some()
+    }
+
     /// Whether the user gave the frame of the sensor.
     pub(crate) const fn knows_sensor(&self) -> bool {
         self.sensor.is_some()

@@ -43,11 +43,16 @@ impl<V> Ordered<V> {
 
 impl<V: PartialEq> Ordered<V> {
     /// Sorts samples given in the order of recording.
-    pub(crate) fn new(samples: Samples<V>) -> Self {
+    pub(crate) fn new(mut samples: Samples<V>) -> Self {
         let follows = |pair: &[(i64, V)]| pair[0].0 < pair[1].0 && pair[1].0.saturating_sub(pair[0].0) < DAY_NS;
         // nothing is to be done of most recordings, and no copy of them to be made
         if samples.windows(2).all(follows) {
             return Self::untouched(samples);
+        }
+        // the newest first, as some databases write them
+        if samples.len() > 2 && samples.windows(2).all(|pair| pair[0].0 > pair[1].0) {
+            samples.reverse();
+            return Self { sorted: true, ..Self::new(samples) };
         }
         let all = samples.len();
         let (mut samples, second) = without_detours(of_one_time(samples));
@@ -193,6 +198,8 @@ mod tests {
     #[test]
     fn only_the_stamps_that_have_gone_astray_are_left_out() {
         assert_eq!(order(&[0, 1, 2, 4, 3, 5]), (vec![0, 1, 2, 3, 4, 5], 0, 0));
+        let (up, down): (Vec<i64>, Vec<i64>) = ((0..60).collect(), (0..60).rev().collect());
+        assert_eq!(order(&down), (up, 0, 0), "the newest first");
         for far in [36_000, 10_000_000_000] {
             assert_eq!(order(&[0, 1, far, 2, 3, 4]), (vec![0, 1, 2, 3, 4], 1, 0), "{far}");
             assert_eq!(order(&[0, 1, far, far + 1, 2, far + 3, 3, 4]), (vec![0, 1, 2, 3, 4], 3, 0), "{far}");

@@ -4,7 +4,7 @@ use super::Adapter;
 use super::Refusal;
 use super::clocks::{self, Census};
 use super::error::RecordingError;
-use super::foreign::{WRENCHES, pose_of, wrench_of};
+use super::foreign::{WRENCHES, pose_of, tool_of, wrench_of};
 use super::frame::Frames;
 use super::holes::Holes;
 use super::order::Spread;
@@ -20,7 +20,14 @@ use ros2_messages::RosMessage;
 use ros2_messages::geometry_msgs::PoseArray;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+
+/// A force this many times as large as all others is no reading.
+const SENTINEL: f64 = 100.0;
+/// Share of the time of a motion without a force that is worth a warning.
+const MUCH: f64 = 0.1;
 
 /// The series of a recording. Each is in order of time, with finite values only.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,8 +116,13 @@ impl Recording {
     pub fn of_bag(bag: &BagReader, said: &Selection) -> Result<Self, RecordingError> {
         let names = &said.names;
         let by_pose = said.position.place.as_deref().is_some_and(|name| topics::is_pose(bag, name));
-        let joint_state = if by_pose { None } else { topics::joint_state(bag, said)? };
-        let pose = topics::pose(bag, said, joint_state.is_none() && said.position.place.is_none())?;
+        let named = said.position.place.is_some();
+        let joint_state = if by_pose || named { None } else { topics::joint_state(bag, said)? };
+        let pose = match topics::pose(bag, said, joint_state.is_none() && !named) {
+            // poses of which none stands out matter only where nothing else gives the motion
+            Err(_) if joint_state.is_some() && names.pose.is_none() => None,
+            found => found?,
+        };
         // poses are used if they are requested, or if there is no depth
         let by_pose = pose.is_some()
             && (by_pose || said.position.place.is_none() && names.joint_state.is_none())
@@ -141,13 +153,29 @@ impl Recording {
             };
             Ok((held, m.header))
         });
+        // a tracker may publish all its tools on one topic
+        let tools = RefCell::new(BTreeSet::new());
+        let tip = (names.joint != TopicNames::default().joint).then_some(names.joint.as_str());
         let poses = reading.gather(pose, |message| {
             let m = pose_of(bag, message)?;
+            if let Some(tool) = tool_of(bag, message)? {
+                let other = tip.is_some_and(|tip| tip != tool);
+                tools.borrow_mut().insert(tool);
+                if other {
+                    return Ok((Held::Nothing(Refusal::OtherTool), m.header));
+                }
+            }
             // any frame is accepted if the user gave the sample's pose in it
             let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { adapter.frame_id };
             let in_m = |pose: Pose| frames.pose(Pose { tip: pose.tip.map(|x| m_per_unit * x), ..pose });
             Ok((Adapter { frame_id, ..adapter }.pose(&m).map(in_m).into(), m.header))
         });
+        let tools = tools.into_inner();
+        if let (Some(topic), None, 2..) = (pose, tip, tools.len()) {
+            let all = tools.into_iter().collect::<Vec<_>>().join(", ");
+            let reason = format!("it has the poses of several frames, {all}: name that of the tip with --joint");
+            return Err(topic_error(bag, &bag.topics()[topic], reason).into());
+        }
         if depths.samples.is_empty() && poses.samples.is_empty() {
             reading.lose(&depths.topic, depths.nothing.clone());
         }
@@ -362,6 +390,9 @@ impl Recording {
     /// axis its driver uses.
     fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
         let along = self.turning(frames, axes);
+        if along.is_none() && with_poses && frames.knows_sample() {
+            self.force_frame = self.topics.frame_id.clone();
+        }
         self.forces.iter_mut().for_each(|s| s.force_n = turned(s.force_n, frames, along, with_poses));
     }
 
@@ -397,13 +428,28 @@ impl Recording {
         forces: usize,
         holes: Holes,
     ) {
-        if let (Some(motion), Some(force)) = (motion, force)
-            && (force.0 > motion.1 || motion.0 > force.1)
-        {
+        let both = motion.zip(force);
+        let apart = both.is_some_and(|(motion, force)| force.0 > motion.1 || motion.0 > force.1);
+        let in_part = |((from, to), (start, end)): &((f64, f64), (f64, f64))| {
+            (start - from).max(0.0) + (to - end).max(0.0) > MUCH * (to - from)
+        };
+        if let Some((motion, force)) = both.filter(|both| !apart && in_part(both)) {
+            self.warnings.push(format!(
+                "the force was recorded from {:.3} to {:.3} s, and the motion from {:.3} to {:.3} s: outside of the force's times nothing is \
+                 compared",
+                force.0, force.1, motion.0, motion.1
+            ));
+        }
+        if let Some((motion, force)) = both.filter(|_| apart) {
             let reason = format!(
                 "their times ({:.3} to {:.3} s) and those of the motion ({:.3} to {:.3} s) have nothing in common: their stamps are from \
-                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart",
-                force.0, force.1, motion.0, motion.1
+                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart ({:.3} more puts their beginnings \
+                 together)",
+                force.0,
+                force.1,
+                motion.0,
+                motion.1,
+                force.0 - motion.0
             );
             let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
             self.losses.push(Loss::Samples { topic, count: forces as u64, reason });
@@ -418,10 +464,29 @@ impl Recording {
         self.losses.extend(self.holes.iter().map(hole));
     }
 
+    /// A message about single forces that are far larger than all others and alike: a value that stands for none, as -9999.
+    fn sentinels(&self) -> Option<String> {
+        let size = |s: &ForceSample| s.force_n.iter().fold(0.0, |most: f64, f| most.max(f.abs()));
+        let most = self.forces.iter().map(size).fold(0.0, f64::max);
+        let of = |s: &&ForceSample| size(s) == most;
+        let (count, first) = (self.forces.iter().filter(of).count(), self.forces.iter().find(of)?);
+        let others = self.forces.iter().map(size).filter(|size| *size < most).fold(0.0, f64::max);
+        (others > 0.0 && most > SENTINEL * others && 2 * count < self.forces.len()).then(|| {
+            let largest = first.force_n.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default();
+            format!(
+                "{count} of {} forces are {largest} N, and all others at most {others:.4} N, the first at {:.3} s: if that stands for no reading, \
+                 leave it out of the recording",
+                self.forces.len(),
+                first.time_s
+            )
+        })
+    }
+
     /// The same, of series in memory.
     fn check_times(&mut self) {
         let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
         let force = span(self.forces.iter().map(|s| s.time_s));
+        self.warnings.extend(self.sentinels());
         let mut holes = Holes::new(self.depths.is_empty());
         self.in_time().for_each(|sample| holes.note(&sample));
         self.lose_times(motion, force, self.forces.len(), holes);

@@ -12,7 +12,7 @@ pub struct TopicNames {
     pub pose: Option<String>,
     /// geometry_msgs/WrenchStamped: the load cell. Default: a `measured_cf`.
     pub wrench: Option<String>,
-    /// The joint whose position is the depth. Default: `insertion`.
+    /// The joint whose position is the depth, or of transforms the frame of the tip. Default: `insertion`.
     pub joint: String,
     /// Frame that the poses must be in. Default: `sample`.
     pub frame_id: String,

@@ -48,11 +48,16 @@ impl Dimension {
                 ("kN", 1e3),
                 ("mN", 1e-3),
                 ("uN", 1e-6),
+                ("nN", 1e-9),
+                ("cN", 1e-2),
+                ("daN", 10.0),
                 ("gf", 1e-3 * GRAVITY),
                 ("g", 1e-3 * GRAVITY),
                 ("kgf", GRAVITY),
                 ("kg", GRAVITY),
                 ("lbf", 0.453_592_37 * GRAVITY),
+                ("lb", 0.453_592_37 * GRAVITY),
+                ("ozf", 0.453_592_37 / 16.0 * GRAVITY),
                 ("牛", 1.0),
                 ("Н", 1.0),
                 ("мН", 1e-3),
@@ -114,6 +119,8 @@ impl Dimension {
                 ("gram", "g"),
                 ("grams", "g"),
                 ("gramm", "g"),
+                ("lbs", "lb"),
+                ("pounds", "lb"),
                 ("牛顿", "N"),
                 ("毫牛", "mN"),
             ],
@@ -150,7 +157,7 @@ impl Dimension {
         unit.is_some_and(|(unit, _)| self.unit(unit).is_some())
     }
 
-    /// The unit in a header: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
+    /// The unit in a header: `Load (N)`, `Load [N]`, `Load {N}`, `Load / N`, `Load, N`, `load_n`; `None` if there is none.
     #[must_use]
     pub(crate) fn of_header(self, header: &str) -> Option<(String, f64)> {
         let within = |open: char, close: char| {
@@ -158,7 +165,7 @@ impl Dimension {
             rest.split_once(close).map(|(unit, _)| unit)
         };
         let behind = ['/', ',', '_', '.', ' '].map(|c| header.rsplit_once(c).map(|(_, unit)| unit));
-        let found = [within('(', ')'), within('[', ']'), within('<', '>'), within('（', '）')]
+        let found = [within('(', ')'), within('[', ']'), within('<', '>'), within('{', '}'), within('（', '）')]
             .into_iter()
             .chain(behind)
             .flatten();
@@ -170,6 +177,11 @@ impl Dimension {
             Some((unit.to_owned(), size))
         })
     }
+}
+
+/// Whether a header has a unit of time, length or force.
+pub(super) fn has_unit(header: &str) -> bool {
+    [Dimension::Time, Dimension::Length, Dimension::Force].iter().any(|d| d.of_header(header).is_some())
 }
 
 /// Whether a text is a unit of time, length or force.

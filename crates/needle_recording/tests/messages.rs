@@ -6,11 +6,11 @@ use std::fs::File;
 use std::io::BufWriter;
 
 use mcap::records::MessageHeader;
-use needle_recording::{Quantity, Recording, Selection};
+use needle_recording::{Quantity, Recording, Selection, TopicNames};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{
-    PointStamped, Pose, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion, Vector3, Wrench,
-    WrenchStamped,
+    PointStamped, Pose, PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion, Transform,
+    TransformStamped, Vector3, Wrench, WrenchStamped,
 };
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Header;
@@ -129,6 +129,34 @@ fn a_pose_with_covariance_is_a_pose() {
 
 /// A stamp with more nanoseconds than a second has is no time: few of them are lost, and counted; where all are such, the recorder's clock is
 /// used, and that is said.
+#[test]
+fn of_several_tools_on_one_topic_that_of_the_tip_is_named() {
+    let half = COUNT / 2;
+    let transform = |i: u32| TransformStamped {
+        header: header(i, "sample"),
+        child_frame_id: if i < half { "needle" } else { "probe" }.to_owned(),
+        transform: Transform { translation: tip(i).into(), rotation: Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 } },
+    };
+    let force = |i: u32| WrenchStamped { header: header(i, "sample"), wrench: wrench(i) };
+    let (_folder, bag) = bag(("/tracker", &transform), ("/cell", &force));
+    let error = Recording::of_bag(&bag, &Selection::default()).unwrap_err().to_string();
+    assert!(error.contains("needle, probe: name that of the tip with --joint"), "{error}");
+    let names = TopicNames { joint: "needle".to_owned(), ..TopicNames::default() };
+    let found = Recording::of_bag(&bag, &Selection { names, ..Selection::default() }).unwrap();
+    assert_eq!((found.poses.len(), found.losses.len()), (half as usize, 0), "{:?}", found.losses);
+}
+
+#[test]
+fn a_named_position_needs_no_topic_that_stands_out() {
+    let other = |i: u32| JointState { position: vec![1.0], ..joints(i) };
+    let (_folder, bag) = bag(("/rig/measured_js", &joints), ("/arm/measured_js", &other));
+    let error = Recording::of_bag(&bag, &Selection::default()).unwrap_err().to_string();
+    assert!(error.contains("/rig/measured_js") && error.contains("--measured-js"), "{error}");
+    let position = Quantity { place: Some("/rig/measured_js".to_owned()), ..Quantity::default() };
+    let found = Recording::of_bag(&bag, &Selection { position, ..Selection::default() }).unwrap();
+    assert!((found.depths[100].depth_m - 1e-3).abs() < 1e-12, "{:?}", found.depths[100]);
+}
+
 #[test]
 fn more_nanoseconds_than_a_second_has_are_no_stamp() {
     let force = |i: u32| WrenchStamped { header: header(i, "sample"), wrench: wrench(i) };

@@ -218,11 +218,19 @@ pub(super) fn top(cloud: &Cloud, instrument: &Instrument) -> Result<f64, BuildEr
     };
     z.map_or_else(
         || {
+            let corners = || contact_surface(cloud).flat_map(|(_, p)| p);
+            let extent = |k: usize| {
+                let [low, high] =
+                    [(f64::INFINITY, f64::min as fn(f64, f64) -> f64), (f64::NEG_INFINITY, f64::max)].map(|(from, of)| corners().map(|p| p[k]).fold(from, of));
+                format!("from {low:.4} to {high:.4}")
+            };
             refuse(
                 "instrument.entry_x_m",
                 format!(
                     "the instrument's axis at ({x}, {y}) m, instrument.entry_x_m and entry_y_m, doesn't meet the \
-                     mesh's contact surface (sample.contact_group) from above"
+                     mesh's contact surface (sample.contact_group) from above, which goes {} m along x and {} m along y",
+                    extent(0),
+                    extent(1)
                 ),
             )
         },

@@ -20,7 +20,7 @@ const DEPTHS: [f64; 2] = [0.02, 0.5];
 const DIAMETERS: [f64; 2] = [0.003, 0.5];
 /// How unlikely the unit is in which the mesh looks odd, in factors of e.
 const ODD: f64 = 2.5;
-/// Difference of two units'/// Difference of two units' likelihoods, in factors of e, up to which both are named.
+/// Difference of two units' likelihoods, in factors of e, up to which both are named.
 const NEARLY: f64 = 1.5;
 /// How much worse it is that a body is too small for motion or instrument than that it is too large.
 const TOO_SMALL: f64 = 3.0;
@@ -63,13 +63,12 @@ pub(super) fn oddities(scene: &Scene, file: &MeshFile, cloud: &Cloud) -> Result<
     Ok(size.into_iter().chain(direction(cloud)).collect())
 }
 
-/// An error of a mesh with what looks wrong about it besides.
+/// An error of a mesh, or of the nodes in it, with what looks wrong about it besides.
 pub(super) fn with_oddities(error: BuildError, odd: &[String]) -> BuildError {
     match error {
-        BuildError::Mesh { key, reason } if !odd.is_empty() => {
-            BuildError::Mesh { key, reason: format!("{reason}; {}", odd.join("; ")) }
-        }
-        other => other,
+        other if odd.is_empty() => other,
+        BuildError::Mesh { key, reason } => BuildError::Mesh { key, reason: format!("{reason}; {}", odd.join("; ")) },
+        other => BuildError::Mesh { key: "sample.mesh".to_owned(), reason: format!("{}; {other}", odd.join("; ")) },
     }
 }
 

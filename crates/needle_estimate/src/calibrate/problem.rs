@@ -113,8 +113,8 @@ impl<'a> Recorded<'a> {
         self.parts = Parts { fitted: range(&whole.fitted), held_out: whole.held_out.as_ref().map(range) };
         let (readings, unknowns) = (self.parts.fitted.len(), self.sought.len());
         if readings <= unknowns {
-            let remedy =
-                "does the bag hold a load cell whose stamps overlap the motion's? `needle_twin bag info` shows it";
+            let remedy = "is there a load cell whose stamps overlap the motion's? --time-offset-s says how far two clocks are apart, and `needle_twin bag info` \
+                 shows the topics of a bag";
             return Err(CalibrateError::TooFew { readings, unknowns, remedy });
         }
         let fitted = &rows[self.parts.fitted.clone()];

@@ -92,8 +92,8 @@ impl Alignment {
             let Found { value, error } = self.time_offset_s;
             let word = if value > 0.0 { "later" } else { "earlier" };
             reasons.push(format!(
-                "the force's stamps are {:.3} s {word} than the position's (standard error {:.3} s): give the sensors one clock; \
-                 `calibrate` takes it out",
+                "the force's stamps are {:.3} s {word} than the position's (standard error {:.3} s): give the sensors one clock, or \
+                 --time-offset-s {value:.3}; `calibrate` takes it out",
                 value.abs(),
                 error.unwrap_or(0.0)
             ));

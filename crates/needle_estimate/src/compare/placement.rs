@@ -3,6 +3,7 @@
 
 use super::alignment::reach_m;
 use super::coarse::{POSES, coarse};
+use needle_core::scene::Dimension;
 use needle_core::twin::{Pose, StampedPose, Twin};
 use needle_recording::{At, ForceSeries, Reading};
 
@@ -30,6 +31,10 @@ const BESIDE: f64 = 0.35;
 const ONE_DIRECTION: f64 = 0.01;
 /// Smallest cosine of the tilt of an instrument that counts as upright.
 const STRAIGHT: f64 = 0.999;
+/// Cosine of the angle to the scene's axis below which an instrument does not point into the sample, and least cosine of two
+/// directions that are taken for one: 78 and 37 degrees.
+const ACROSS: f64 = 0.2;
+const ALONG: f64 = 0.8;
 /// Tolerance of a depth at the surface, as a share of the insertion: a displacement sensor's noise.
 const SURFACE: f64 = 0.02;
 
@@ -41,19 +46,14 @@ pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
         return None;
     }
     let along = twin.pose_at_depth(0.0);
-    let up = poses.iter().filter(|p| dot(p.axis, along.axis) < 0.0).count();
-    if 2 * up > poses.len() {
-        return Some(
-            "the instrument points up, out of the sample: the z axis of its frame must point from the handle to the tip (CRTK's tool frame); \
-             turn that frame by half a turn about its x axis"
-                .to_owned(),
-        );
+    if let Some(fault) = points_elsewhere(&poses, along.axis) {
+        return Some(fault);
     }
     let offset = |p: &Pose, unit: f64| -> [f64; 3] { std::array::from_fn(|k| unit * p.tip[k] - along.tip[k]) };
     let nearest = |unit: f64| poses.iter().map(|p| norm(offset(p, unit))).fold(f64::INFINITY, f64::min);
     let room = FAR * twin.reach_m().max(twin.height_m());
     if nearest(1.0) <= room {
-        return None;
+        return beside(twin, &poses);
     }
     let fits = |&&(_, unit): &&(&str, f64)| {
         let depth = |p: &Pose| -offset(p, unit)[2];
@@ -87,6 +87,76 @@ pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
         near[0].hypot(near[1]),
         near[2].abs()
     ))
+}
+
+/// Reports poses of an instrument that goes in where the sample is not, or beside the only axis that the model has.
+fn beside(twin: &Twin, poses: &[Pose]) -> Option<String> {
+    let top = twin.pose_at_depth(0.0).tip;
+    let inside: Vec<[f64; 3]> = poses.iter().map(|p| p.tip).filter(|tip| tip[2] < top[2]).collect();
+    let points = twin.reference_points();
+    let range = |of: &[[f64; 3]], k: usize| {
+        of.iter().map(|p| p[k]).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    };
+    let (sample, way) = ([0, 1].map(|k| range(points, k)), [0, 1].map(|k| range(&inside, k)));
+    let off = |k: usize| sample[k][0] > way[k][1] || sample[k][1] < way[k][0];
+    let middle = [0, 1].map(|k| 0.5 * (way[k][0] + way[k][1]) - top[k]);
+    let width = [0, 1].map(|k| way[k][1] - way[k][0]);
+    let distance = middle[0].hypot(middle[1]);
+    let outside = off(0) || off(1);
+    let one_axis = twin.dimension() == Dimension::Axisymmetric && 10.0 * width[0].hypot(width[1]) < distance;
+    let pose = format!("--sample-pose {:.4},{:.4},0,0,0,0,1", middle[0], middle[1]);
+    if inside.is_empty() || !(outside || one_axis && distance > SURFACE * twin.reach_m()) {
+        return None;
+    }
+    let mm = 1e3 * distance;
+    Some(if outside {
+        format!(
+            "the tip goes in {mm:.1} mm beside the instrument's axis in the scene, where there is no sample: its poses are in another frame. Give \
+             the sample's pose in that frame ({pose}, if nothing else differs)"
+        )
+    } else {
+        format!(
+            "the tip goes in {mm:.1} mm beside the instrument's axis in the scene. If its poses are in another frame, give the sample's pose in \
+             that frame ({pose}, if nothing else differs); if it went in there, give --set instrument.entry_x_m={:.4} --set \
+             instrument.entry_y_m={:.4}",
+            top[0] + middle[0],
+            top[1] + middle[1]
+        )
+    })
+}
+
+/// Reports an instrument that does not point into the sample: the frame of its poses or its own frame is another.
+fn points_elsewhere(poses: &[Pose], along: [f64; 3]) -> Option<String> {
+    let off: Vec<&Pose> = poses.iter().filter(|p| dot(p.axis, along) < ACROSS).collect();
+    if 2 * off.len() <= poses.len() {
+        return None;
+    }
+    let pose = off[off.len() / 2];
+    let what = if dot(pose.axis, along) < -ACROSS {
+        "the instrument points up, out of the sample"
+    } else {
+        "the instrument lies across the sample and does not point into it"
+    };
+    // the way in goes to the place that is farthest from the first
+    let from_first = |p: &Pose| -> [f64; 3] { std::array::from_fn(|k| p.tip[k] - poses[0].tip[k]) };
+    let way = poses.iter().map(from_first).max_by(|a, b| norm(*a).total_cmp(&norm(*b)))?;
+    let goes = |axis: [f64; 3]| dot(axis, way) > ALONG * norm(way);
+    if goes(pose.axis) {
+        let [w, x, y, z] = rotation(along, pose.axis.map(|a| -a)).unwrap_or([0.0, 1.0, 0.0, 0.0]);
+        return Some(format!(
+            "{what}, and goes that way: the frame of its poses is turned against the sample's. Give the sample's pose in that frame with \
+             --sample-pose X,Y,Z,QX,QY,QZ,QW ({x:.5},{y:.5},{z:.5},{w:.5} is the least turn that makes it go in)"
+        ));
+    }
+    let (x, z) = (pose.x_axis(), pose.axis);
+    let y = cross(z, x);
+    let axes = [("x", x), ("y", y), ("-x", x.map(|a| -a)), ("-y", y.map(|a| -a))];
+    let found = axes.into_iter().find(|(_, axis)| goes(*axis));
+    let remedy = match found {
+        Some((name, _)) => format!("turn that frame, its {name} axis goes that way"),
+        None => "turn that frame by half a turn about its x axis".to_owned(),
+    };
+    Some(format!("{what}: the z axis of its frame must point from the handle to the tip (CRTK's tool frame); {remedy}"))
 }
 
 /// Reports a rotated sensor: the force has a constant direction off the axis although the instrument moves along it.
@@ -148,12 +218,9 @@ fn mean(of: impl Iterator<Item = [f64; 3]>) -> [f64; 3] {
 /// The least rotation, w, x, y, z, that turns a force to one that resists an instrument along an axis.
 fn rotation(force: [f64; 3], axis: [f64; 3]) -> Option<[f64; 4]> {
     let (from, to) = (force.map(|f| f / norm(force)), axis.map(|a| -a));
-    let cross: [f64; 3] = std::array::from_fn(|k| {
-        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-        from[i] * to[j] - from[j] * to[i]
-    });
-    let [w, x, y, z] = [1.0 + dot(from, to), cross[0], cross[1], cross[2]];
-    let size = (w * w + dot(cross, cross)).sqrt();
+    let about = cross(from, to);
+    let [w, x, y, z] = [1.0 + dot(from, to), about[0], about[1], about[2]];
+    let size = (w * w + dot(about, about)).sqrt();
     // half a turn has no one axis
     (size > 1e-6).then(|| [w, x, y, z].map(|part| (part / size * 1e5).round() * 1e-5 + 0.0))
 }
@@ -320,6 +387,13 @@ fn left(way: &[(f64, f64)], curve: &[(f64, f64)], contact: f64) -> Option<f64> {
     let (xx, xy) = (sum(&|r| (r.0 - x).powi(2)), sum(&|r| (r.0 - x) * (r.1 - y)));
     let size = xy / xx;
     (size > 0.0).then(|| sum(&|r| (r.1 - y - size * (r.0 - x)).powi(2)))
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        a[i] * b[j] - a[j] * b[i]
+    })
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -84,8 +84,10 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, told:
     if deep - shallow > room {
         return Some(position_unit(twin, &all, numbers));
     }
-    // a way that fits, far from the sample
-    let away = || (deep.max(-shallow) > room).then(|| elsewhere(twin, shallow, deep));
+    // a way that fits, far from the sample, or through its bottom and never out of it
+    let in_place = twin.scene().motion.is_some_and(|motion| motion.start_depth.get() > 0.0);
+    let through = deep > twin.height_m() && shallow > deep - shallow && !in_place;
+    let away = || (deep.max(-shallow) > room || through).then(|| elsewhere(twin, shallow, deep, by_depth));
     let pairs = pairs(twin, readings, measured);
     if pairs.len() < LEAST {
         return away();
@@ -210,10 +212,15 @@ fn position_unit(twin: &Twin, depths: &[f64], numbers: Numbers) -> String {
 }
 
 /// A way that fits the sample, in another place.
-fn elsewhere(twin: &Twin, shallow: f64, deep: f64) -> String {
+fn elsewhere(twin: &Twin, shallow: f64, deep: f64, by_depth: bool) -> String {
+    let remedy = if by_depth {
+        "the displacement sensor's zero is elsewhere; give its reading at first contact with --position-zero"
+    } else {
+        "the frame of the poses is another, as with its origin at the top; give the sample's pose in it with --sample-pose \
+         X,Y,Z,QX,QY,QZ,QW (the centre of the sample's bottom face, z up)"
+    };
     format!(
-        "the recorded depth goes from {shallow:.4} to {deep:.4} m, and the sample is {:.4} m high: the displacement sensor's zero is \
-         elsewhere; give its reading at first contact with --position-zero",
+        "the recorded depth goes from {shallow:.4} to {deep:.4} m, and the sample is {:.4} m high: {remedy}",
         twin.height_m()
     )
 }

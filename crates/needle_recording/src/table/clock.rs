@@ -1,6 +1,6 @@
 //! Times in a table as text: dates, times of day, whole seconds with nanoseconds in another column.
 
-use chrono::{DateTime, NaiveDate, NaiveTime, Timelike as _};
+use chrono::{DateTime, NaiveDate, NaiveTime, Timelike as _, Weekday};
 
 /// Date formats. If two fit, the one with the smaller span of times is used.
 const DATES: [&str; 16] = [
@@ -53,9 +53,12 @@ impl Clock {
 }
 
 /// Time of day, ns: `10:15:00.5`, `10:15:00,5`, `10:15:00:500`, `10:15`, `01:15:00 PM`, `01:15:00 p.m.`. `00:01.5` is minutes and seconds.
-/// A span of pandas may have days before it: `0 days 00:00:01.5`.
+/// A span of pandas may have days before it: `0 days 00:00:01.5`. With a comma the parts may be between points: `10.15.00,5`.
 pub(super) fn of_day(text: &str) -> Option<i64> {
     let text = text.trim().trim_matches(['[', ']']);
+    if !text.contains(':') && text.contains(',') {
+        return of_day(&with_colons(text)?);
+    }
     if let Some((days, rest)) = text.split_once(" days ") {
         return Some(days.parse::<u16>().map(i64::from).ok()? * DAY_NS + of_day(rest)?);
     }
@@ -82,14 +85,24 @@ pub(super) fn of_day(text: &str) -> Option<i64> {
     }
 }
 
+/// A time of day between points with colons: `10.15.00,5`, as in Finland.
+fn with_colons(text: &str) -> Option<String> {
+    let (clock, fraction) = text.split_once(',').unwrap_or((text, "0"));
+    let parts: Vec<&str> = clock.split('.').collect();
+    let is_part = |part: &&str| (1..=2).contains(&part.len()) && part.bytes().all(|b| b.is_ascii_digit());
+    let whole = parts.len() == 3 && parts.iter().all(is_part) && fraction.bytes().all(|b| b.is_ascii_digit());
+    whole.then(|| format!("{}.{fraction}", parts.join(":")))
+}
+
 fn ns(time: NaiveTime) -> i64 {
     i64::from(time.num_seconds_from_midnight()) * 1_000_000_000 + i64::from(time.nanosecond())
 }
 
-/// Start of a day, ns since 1970.
+/// Start of a day, ns since 1970. Workbooks and pandas write a midnight behind it.
 pub(super) fn date(text: &str, format: &str) -> Option<i64> {
     use chrono::Datelike as _;
     let text = text.trim();
+    let text = text.strip_suffix("00:00:00").map_or(text, |day| day.trim_end_matches(['T', ' ']));
     if !text.starts_with(|c: char| c.is_ascii_alphanumeric()) {
         return None;
     }
@@ -117,7 +130,10 @@ pub(super) fn date_time(text: &str, format: &str) -> Option<i64> {
     if let Some(time) = basic(text) {
         return (format == "%Y%m%d").then_some(time);
     }
-    let text = text.strip_suffix(" UTC").unwrap_or(text);
+    let text = without_names(text);
+    if let Some((day, clock)) = text.rsplit_once(' ').filter(|_| !text.contains(':')) {
+        return Some(date(day, format)? + of_day(&with_colons(clock)?)?);
+    }
     if text.ends_with('Z') || text.get(19..).is_some_and(|end| end.contains(['+', '-'])) {
         let text = text.replacen(' ', "T", 1);
         return DateTime::parse_from_str(&text, "%Y-%m-%dT%H:%M:%S%.f%#z").ok()?.timestamp_nanos_opt();
@@ -125,7 +141,24 @@ pub(super) fn date_time(text: &str, format: &str) -> Option<i64> {
     // a date may contain blanks, as `4 Mar 2026`: the time of day begins at the last one before the first colon
     let colon = text.find(':')?;
     let between = text[..colon].rfind(['T', ' ']).or_else(|| text[..colon].rfind('-'))?;
-    Some(date(text[..between].trim_end_matches([',', ' ', '-']), format)? + of_day(&text[between + 1..])?)
+    let (day, clock) = (text[..between].trim_end_matches([',', ' ', '-']), &text[between + 1..]);
+    // the year may come last: `Mar  4 10:15:00 2026`
+    let is_year = |text: &str| text.len() == 4 && text.bytes().all(|b| b.is_ascii_digit());
+    match clock.rsplit_once(' ').filter(|(_, year)| is_year(year)) {
+        Some((clock, year)) => Some(date(&format!("{day} {year}"), format)? + of_day(clock)?),
+        None => Some(date(day, format)? + of_day(clock)?),
+    }
+}
+
+/// A date and time without the name of the day before it and that of the time zone behind it: all rows have one zone.
+fn without_names(text: &str) -> &str {
+    let is_day = |word: &str| word.trim_end_matches(',').parse::<Weekday>().is_ok();
+    let text = text.split_once(' ').filter(|(word, _)| is_day(word)).map_or(text, |(_, rest)| rest.trim_start());
+    let is_zone = |word: &str| {
+        let half_of_day = ["am", "pm"].iter().any(|half| word.eq_ignore_ascii_case(half));
+        !half_of_day && word.len() > 1 && word.bytes().all(|b| b.is_ascii_alphabetic() || b == b'/' || b == b'_')
+    };
+    text.rsplit_once(' ').filter(|(_, word)| is_zone(word)).map_or(text, |(rest, _)| rest)
 }
 
 /// Whether a cell contains a time or a date.
@@ -182,20 +215,49 @@ mod tests {
             "[2026-03-04 10:15:00.25]",
             "Mar 4 2026 10:15:00.25",
             "March 4, 2026 10:15:00.25",
+            "Wed Mar  4 10:15:00.25 2026",
+            "Wed, 04 Mar 2026 10:15:00.25 GMT",
+            "2026-03-04 10:15:00.25 Europe/Berlin",
+            "4.3.2026 10.15.00,25",
         ] {
             assert_eq!(at(text), wanted, "{text}");
             assert!(is_time(text), "{text}");
         }
-        for text in ["00:01.5", "0 days 00:00:01.500000", "[00:00:01.5]", "0:00:01.5"] {
+        for text in ["00:01.5", "0 days 00:00:01.500000", "[00:00:01.5]", "0:00:01.5", "0.00.01,5"] {
             assert_eq!(of_day(text), Some(1_500_000_000), "{text}");
         }
         for text in ["01:00:00 PM", "1:00 p. m.", "01:00:00pm"] {
             assert_eq!(of_day(text), Some(13 * 3_600_000_000_000), "{text}");
         }
-        for text in ["OVER", "0.5", "12", "1:2:3:4", "99:00:00", "20260304", "INSERT", "-", "", "Gel 3: 10:15", "May 4"]
-        {
+        for text in [
+            "OVER",
+            "0.5",
+            "12",
+            "1:2:3:4",
+            "99:00:00",
+            "20260304",
+            "INSERT",
+            "-",
+            "",
+            "Gel 3: 10:15",
+            "May 4",
+            "1.005.000,5",
+            "10.15.00",
+            "1.2,3",
+        ] {
             assert!(!is_time(text), "{text}");
         }
+    }
+
+    #[test]
+    fn a_day_may_end_with_midnight() {
+        let day = date("2026-03-04", "%Y-%m-%d");
+        assert!(day.is_some());
+        for text in ["2026-03-04 00:00:00", "2026-03-04T00:00:00"] {
+            assert_eq!(date(text, "%Y-%m-%d"), day);
+            assert_eq!(date_time(text, "%Y-%m-%d"), day);
+        }
+        assert_eq!(date("00:00:00", "%Y-%m-%d"), None);
     }
 
     #[test]

@@ -72,12 +72,22 @@ struct Sought<'a> {
     option: &'static str,
     words: &'a Words,
     dimension: Dimension,
+    /// Whether it is a ratio of that dimension, a strain.
+    is_ratio: bool,
 }
 
-const TIME: Sought = Sought { what: "time", option: "--time", words: &names::TIME, dimension: Dimension::Time };
-const POSITION: Sought =
-    Sought { what: "position", option: "--position", words: &names::POSITION, dimension: Dimension::Length };
-const FORCE: Sought = Sought { what: "force", option: "--force", words: &names::FORCE, dimension: Dimension::Force };
+const TIME: Sought =
+    Sought { what: "time", option: "--time", words: &names::TIME, dimension: Dimension::Time, is_ratio: false };
+const POSITION: Sought = Sought {
+    what: "position",
+    option: "--position",
+    words: &names::POSITION,
+    dimension: Dimension::Length,
+    is_ratio: false,
+};
+const STRAIN: Sought = Sought { is_ratio: true, ..POSITION };
+const FORCE: Sought =
+    Sought { what: "force", option: "--force", words: &names::FORCE, dimension: Dimension::Force, is_ratio: false };
 
 /// A column that the user named, and the option.
 pub(super) type Named<'a> = (&'static str, &'a str);
@@ -149,8 +159,15 @@ impl Finder<'_> {
         let free = (0..headers.len()).filter(|i| !taken.contains(i) && !empty(*i));
         let ranks: Vec<(usize, u8)> =
             free.map(|i| (i, sought.words.rank(&headers[i]))).filter(|(_, r)| *r > 0).collect();
-        let best = ranks.iter().map(|(_, rank)| *rank).max();
-        ranks.iter().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
+        // a column in a unit of something else, as a strain in %, is only taken if no other fits
+        let fits = |i: usize| {
+            let is_of = sought.dimension.of_header(&headers[i]).is_some();
+            if sought.is_ratio { !is_of } else { is_of || !headers[i].ends_with([')', ']']) }
+        };
+        let some_fit = ranks.iter().any(|(i, _)| fits(*i));
+        let ranks = || ranks.iter().filter(|(i, _)| !some_fit || fits(*i));
+        let best = ranks().map(|(_, rank)| *rank).max();
+        ranks().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
     }
 
     /// The columns of numbers that have a unit of the quantity, and no name that says otherwise.
@@ -220,6 +237,9 @@ impl Finder<'_> {
             }
             None => header().ok_or_else(|| {
                 let counts = match sought.dimension {
+                    Dimension::Length if name.contains('%') => {
+                        ", and of a strain the length that it is of with --gauge-length-m"
+                    }
                     Dimension::Length => ", and of an encoder's counts the length of one with --position-scale",
                     _ => "",
                 };
@@ -276,7 +296,7 @@ impl Finder<'_> {
                 {
                     Some(first)
                 }
-                _ => match self.seconds_and_nanoseconds() {
+                ref several => match self.seconds_and_nanoseconds().or_else(|| self.only_number(several)) {
                     Some(seconds) => Some(seconds),
                     None => match self.place(&TIME, None, &[])? {
                         Some(named) => Some(named),
@@ -301,6 +321,14 @@ impl Finder<'_> {
             }
         };
         Ok(Some((column, clock)))
+    }
+
+    /// The one column of numbers with a unit among others of dates and times.
+    fn only_number(&self, of: &[usize]) -> Option<usize> {
+        let has_unit = |i: &&usize| TIME.dimension.of_header(&self.name(**i)).is_some();
+        let (dates, numbers): (Vec<usize>, Vec<usize>) = of.iter().partition(|i| self.layout.kind(**i) == Kind::Time);
+        let [one] = numbers[..] else { return None };
+        Some(one).filter(|one| !dates.is_empty() && has_unit(&one))
     }
 
     /// The unit of times since 1970 of which the header has none: no two of these units fit one time of this century.
@@ -346,11 +374,12 @@ impl Finder<'_> {
             // the date is in a column before it
             return Ok(day.map_or(Clock::TimeOfDay, |(i, format)| Clock::Date(format, [i, index])));
         }
-        if let Some(format) = clock::format_of(&own, clock::date_time) {
+        let beside = self.layout.kind(index + 1) == Kind::Time
+            && cells(index + 1).iter().filter(|cell| clock::is_time(cell)).all(|cell| clock::of_day(cell).is_some());
+        let day = clock::format_of(&own, clock::date).filter(|_| beside);
+        if let Some(format) = clock::format_of(&own, clock::date_time).filter(|_| day.is_none()) {
             return Ok(Clock::DateTime(format));
         }
-        let beside = self.layout.kind(index + 1) == Kind::Time;
-        let day = clock::format_of(&own, clock::date).filter(|_| beside);
         let error = || {
             let (name, cell) = (self.name(index), own.first().copied().unwrap_or_default());
             self.error(format!("the times of column `{name}` can't be read, as `{cell}`: name another one with --time"))
@@ -396,7 +425,8 @@ impl Finder<'_> {
             columns.markers.extend(self.several(names, length)?);
         }
         if said.pose.is_none() {
-            let place = self.place(&POSITION, said.position.place.as_deref(), &taken)?;
+            let sought = if said.gauge_length_m.is_some() { &STRAIN } else { &POSITION };
+            let place = self.place(sought, said.position.place.as_deref(), &taken)?;
             columns.position = place
                 .map(|i| match said.gauge_length_m {
                     Some(gauge) => self.strain(i, &said.position, gauge),

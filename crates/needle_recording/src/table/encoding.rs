@@ -62,7 +62,9 @@ fn by_names(head: &[u8]) -> Option<&'static Encoding> {
     let names = |encoding: &'static Encoding| {
         let (text, _) = encoding.decode_without_bom_handling(head);
         let cells = text.split([',', ';', '\t', '|', '\n']);
-        cells.filter(|cell| !cell.is_ascii() && names::is_known(cell)).count()
+        // no header has characters that are none, or for private use
+        let wrong = |c: char| c == char::REPLACEMENT_CHARACTER || ('\u{e000}'..='\u{f8ff}').contains(&c);
+        cells.filter(|cell| !cell.is_ascii() && !cell.contains(wrong) && names::is_known(cell)).count()
     };
     OLDER
         .into_iter()
@@ -139,7 +141,7 @@ mod tests {
     fn the_encodings_of_old_files() {
         let word = "时间 (s),位移（毫米）,力 (N)";
         assert_eq!(text(GBK.encode(word).0.into_owned()), word);
-        for word in ["Weg [µm]", "Prüfzeit;Standardweg", "température °C", "Größe"] {
+        for word in ["Weg [µm]", "Prüfzeit;Standardweg", "température °C", "Größe", "Tid;Förlängning;Last"] {
             assert_eq!(text(WINDOWS_1252.encode(word).0.into_owned()), word);
             assert_eq!(text(word.as_bytes().to_vec()), word);
             let wide: Vec<u8> = word.encode_utf16().flat_map(u16::to_le_bytes).collect();

@@ -7,13 +7,14 @@
 use std::cell::{OnceCell, RefCell};
 
 use super::super::TableLayout;
-use super::super::unit::is_unit;
+use super::super::unit::{has_unit, is_unit};
 use super::clock::is_time;
 use super::names;
 use super::number::{measure, number};
 
-/// Number of lines in which the beginning of the data is searched.
+/// Number of lines in which the beginning of the data is searched, and of those in which it is if there is none.
 pub(super) const LOOKED_AT: usize = 400;
+pub(super) const MOST_LOOKED_AT: usize = 20_000;
 /// Number of consecutive rows that establish data.
 const ROWS: usize = 3;
 /// Number of rows on which the choice of columns and formats is based.
@@ -120,7 +121,12 @@ impl Splitter {
         let begins = std::iter::once(&0).chain(&ends);
         begins
             .zip(&ends[..cells])
-            .map(|(from, to)| String::from_utf8_lossy(&text[*from..*to]).trim().to_owned())
+            .map(|(from, to)| {
+                let cell = String::from_utf8_lossy(&text[*from..*to]);
+                // a formula of a spreadsheet that says its cell is text: `="0.25"`
+                let said = cell.trim().strip_prefix("=\"").and_then(|rest| rest.strip_suffix('"'));
+                said.unwrap_or(cell.trim()).to_owned()
+            })
             .collect()
     }
 }
@@ -215,8 +221,10 @@ fn data_columns(rows: &[Line]) -> Option<Vec<usize>> {
 
 impl Layout {
     /// Analyses the beginning of a text; `None` if it contains no table of numbers.
-    pub(crate) fn of(text: &str, said: &TableLayout) -> Option<Self> {
-        let lines: Vec<&str> = text.split('\n').take(LOOKED_AT).map(|line| line.trim_end_matches('\r')).collect();
+    ///
+    /// `most`: number of lines in which it is sought.
+    pub(crate) fn of(text: &str, said: &TableLayout, most: usize) -> Option<Self> {
+        let lines: Vec<&str> = text.split('\n').take(most).map(|line| line.trim_end_matches('\r')).collect();
         let comment = said.comment.as_deref();
         let header_line = said.header_line.unwrap_or(0);
         let kept: Vec<(usize, &str)> = (header_line..lines.len())
@@ -299,6 +307,12 @@ impl Layout {
         empty > 1 && empty * 10 > self.rows.len()
     }
 
+    /// Number of lines up to the end of a short table, and of bytes of its text; `None` if it goes on behind the first rows.
+    pub(super) fn end(&self, text: &str) -> Option<(usize, usize)> {
+        let behind = self.rows.iter().find(|line| !line.has_data(&self.numeric))?.number;
+        Some((behind, text.split_inclusive('\n').take(behind).map(str::len).sum()))
+    }
+
     /// Whether there are enough rows for a recording.
     pub(crate) fn has_rows(&self) -> bool {
         self.rows.len() >= ROWS
@@ -319,9 +333,17 @@ struct Above<'a> {
 }
 
 impl Above<'_> {
-    fn split(&self, i: usize) -> Vec<String> {
-        let line = self.lines[i].trim_start_matches(['\u{feff}', '#', '%']);
-        let cells = self.seen.split.cells(line);
+    fn split(&self, line: &str) -> Vec<String> {
+        let of = |line: &str| -> Vec<String> {
+            self.seen.split.cells(line).iter().map(|cell| cell.replace('\n', " ")).collect()
+        };
+        // the unit of a strain, and no comment
+        let whole = of(line);
+        if whole.len() == self.columns && whole.first().is_some_and(|cell| cell == "%") {
+            return whole;
+        }
+        let line = line.trim_start_matches(['\u{feff}', '#', '%']);
+        let cells = of(line);
         if self.seen.split.separator == ' ' && cells.len() != self.columns { by_gaps(line) } else { cells }
     }
 
@@ -340,48 +362,89 @@ impl Above<'_> {
         said: Option<usize>,
         units_below: Option<Vec<String>>,
     ) -> (Option<Vec<String>>, Option<String>, Option<String>) {
-        let text = |i: usize| Some(self.lines[i].trim().to_owned());
+        let mut at = self.first_row;
         if let Some(line) = said {
             if line == 0 {
                 return (None, None, None);
             }
-            let names = self.split(line - 1);
-            return (Some(units_below.map_or(names.clone(), |units| with_units(&names, &units))), text(line - 1), None);
+            let names = self.split(self.lines[line - 1]);
+            return (
+                Some(units_below.map_or(names.clone(), |units| with_units(&names, &units))),
+                Some(self.lines[line - 1].trim().to_owned()),
+                None,
+            );
         }
+        let mut units: Option<Vec<String>> = None;
+        let (line, text, names) = loop {
+            // units may be all that the columns have for names
+            let Some((line, text)) = self.next_above(at) else {
+                return (units.as_deref().map(units_alone), None, None);
+            };
+            let cells = self.split(&text);
+            at = line;
+            if !self.are_units(&cells) {
+                break (line, text, cells);
+            }
+            // of several rows of units, as one of dashes, the one that says most
+            let said = |row: &[String]| row.iter().filter(|cell| cell.chars().any(char::is_alphabetic)).count();
+            units = Some(units.filter(|below| said(below) >= said(&cells)).unwrap_or(cells));
+        };
+        if !self.names(&names) {
+            let words = names.iter().filter(|cell| cell.chars().any(char::is_alphabetic)).count();
+            let units = units.as_deref().map(units_alone);
+            let note = (words >= 2 && units.is_none()).then(|| {
+                format!(
+                    "line {} has no name for every column of numbers below it, so its words were not taken for headers",
+                    line + 1
+                )
+            });
+            return (units, None, note);
+        }
+        if units.is_none() && !names.iter().any(|name| has_unit(name)) {
+            // units above the names
+            let above = self.next_above(line).map(|(_, text)| self.split(&text));
+            units = above.filter(|cells| self.are_units(cells));
+        }
+        let text = text.lines().last().unwrap_or_default().trim().to_owned();
+        (Some(units.map_or(names.clone(), |units| with_units(&names, &units))), Some(text), None)
+    }
+
+    /// The nearest line above another that may be one of headers, and its text. A cell in quotation marks may go over several lines.
+    fn next_above(&self, line: usize) -> Option<(usize, String)> {
         // headers may be in a comment, and comments may be between them and the data
         let kept = |&i: &usize| {
             !self.lines[i].trim().is_empty()
                 && !is_rule(self.lines[i])
-                && (!is_comment(self.lines[i], None) || self.split(i).len() == self.columns)
+                && (!is_comment(self.lines[i], None) || self.split(self.lines[i]).len() == self.columns)
         };
-        let mut above = (0..self.first_row).rev().filter(kept);
-        let Some(nearest) = above.next() else { return (None, None, None) };
-        let last = self.split(nearest);
-        if !self.names(&last) {
-            let words = last.iter().filter(|cell| cell.chars().any(char::is_alphabetic)).count();
-            let note = (words >= 2).then(|| {
-                format!(
-                    "line {} has no name for every column of numbers below it, so its words were not taken for headers",
-                    nearest + 1
-                )
-            });
-            return (None, None, note);
-        }
-        let is_units = self.seen.numeric.iter().all(|&c| is_unit(&last[c]));
-        if !is_units {
-            return (Some(last), text(nearest), None);
-        }
-        let names = above.next().map(|i| (i, self.split(i))).filter(|(_, names)| self.names(names));
-        names.map_or((None, None, None), |(i, names)| (Some(with_units(&names, &last)), text(i), None))
+        let last = (0..line).rev().find(kept)?;
+        let is_whole = |first: &usize| {
+            let marks = self.lines[*first..=last].iter().map(|line| line.matches('"').count()).sum::<usize>();
+            marks.is_multiple_of(2)
+        };
+        let first = (0..=last).rev().find(is_whole).unwrap_or(last);
+        Some((first, self.lines[first..=last].join("\n")))
     }
+
+    /// Whether a line has units of the columns of numbers; some of them may have none.
+    fn are_units(&self, cells: &[String]) -> bool {
+        let of = |c: &usize| cells.get(*c).map_or("", String::as_str);
+        let said = self.seen.numeric.iter().filter(|c| !of(c).is_empty()).count();
+        2 * said >= self.seen.numeric.len() && self.seen.numeric.iter().all(|c| is_unit(of(c)))
+    }
+}
+
+/// Headers of columns that have units and no names.
+fn units_alone(units: &[String]) -> Vec<String> {
+    with_units(&vec![String::new(); units.len()], units)
 }
 
 /// Headers with the units of a row below them.
 fn with_units(names: &[String], units: &[String]) -> Vec<String> {
     let bare = |unit: &str| unit.trim_matches(['(', ')', '[', ']']).to_owned();
     let one = |(i, name): (usize, &String)| match units.get(i) {
-        Some(unit) => format!("{name} ({})", bare(unit)),
-        None => name.clone(),
+        Some(unit) if !unit.is_empty() => format!("{name} ({})", bare(unit)).trim_start().to_owned(),
+        _ => name.clone(),
     };
     names.iter().enumerate().map(one).collect()
 }
@@ -443,6 +506,7 @@ mod tests {
                 ("\"a, \"\"b\"\"\",c,", &["a, \"b\"", "c", ""]),
                 ("\"open, and", &["open, and"]),
                 ("a,b\r\"c\"", &["a", "b"]),
+                ("=\"0.5\",\"1,5\"", &["0.5", "1,5"]),
             ] {
                 assert_eq!(split.cells(line), cells, "{line}");
             }

@@ -27,7 +27,7 @@ use columns::Finder;
 pub use columns::{Column, Columns};
 pub use contents::Table;
 pub use error::TableError;
-use layout::{LOOKED_AT, Layout};
+use layout::{LOOKED_AT, Layout, MOST_LOOKED_AT};
 use rows::{Taken, Taking};
 use source::Source;
 pub(super) use source::size_of_text;
@@ -73,18 +73,29 @@ impl Table {
     fn wanted(path: &Path, mut blocks: Blocks, said: &Selection) -> Result<Self, TableError> {
         let no_table = || TableError::NoTable { path: path.to_owned() };
         let mut wanted = blocks.next().ok_or_else(no_table)??;
-        let mut all = vec![wanted.extent()];
+        let (mut all, mut clocks) = (vec![wanted.extent()], vec![wanted.has_clock()]);
         for (number, block) in (2..).zip(blocks) {
             match block {
                 Ok(block) => {
                     all.push(block.extent());
+                    clocks.push(block.has_clock());
                     wanted = if said.layout.block == Some(number) { block } else { wanted };
                 }
                 // errors in the columns of a block that is not requested are ignored
                 Err(error) if said.layout.block == Some(number) => return Err(error),
                 Err(error @ TableError::Open { .. }) => return Err(error),
-                Err(_) => all.push("of other columns".to_owned()),
+                Err(_) => {
+                    all.push("of other columns".to_owned());
+                    clocks.push(true);
+                }
             }
+        }
+        let timed = clocks.iter().filter(|timed| **timed).count();
+        if said.layout.block.is_none() && timed == 1 && clocks[0] && all.len() > 1 {
+            // results below the readings
+            let rest = all[1..].join(", ");
+            wanted.warnings.push(format!("{}: {rest} have no times and were left out", wanted.file));
+            return Ok(wanted);
         }
         let reason = match (said.layout.block, all.len()) {
             (None, 2..) => "it holds several recordings: name the one to take with --block N",
@@ -94,6 +105,11 @@ impl Table {
         let blocks = (1..).zip(all).map(|(n, extent): (usize, _)| format!("{n} is {extent}")).collect::<Vec<_>>();
         let file = path.display().to_string();
         Err(TableError::Blocks { file, reason: reason.to_owned(), blocks: blocks.join(", ") })
+    }
+
+    /// Whether its rows have times.
+    fn has_clock(&self) -> bool {
+        self.columns.time.is_some() || self.rate_hz.is_some()
     }
 
     /// Columns that the user named and that are not in this file.
@@ -116,7 +132,10 @@ pub(super) fn refuse_options(paths: &[PathBuf], said: &Selection) -> Result<(), 
 #[must_use]
 pub fn blocks(path: &Path, said: &Selection) -> usize {
     let Ok(source) = Source::of_file(path, &said.layout) else { return 1 };
-    Blocks::new(path, source, said, 0).count().max(1)
+    let timed = |block: &Result<Table, TableError>| block.as_ref().map_or(true, Table::has_clock);
+    let all: Vec<bool> = Blocks::new(path, source, said, 0).map(|block| timed(&block)).collect();
+    // results below the last recording are none
+    all.iter().rposition(|timed| *timed).map_or(all.len(), |last| last + 1).max(1)
 }
 
 /// The recordings that stand one after the other in a file.
@@ -169,21 +188,51 @@ impl<'a> Blocks<'a> {
     }
 
     /// A table of which no row was taken yet; `None` if there is none.
-    fn begin(&mut self, line: usize) -> Option<Result<Begun, TableError>> {
+    fn begin(&mut self, mut line: usize) -> Option<Result<Begun, TableError>> {
         // the line of the headers was said of the first
         let header_line = self.source.layout.header_line.filter(|n| line == 0 || *n == 0);
         let said = TableLayout { header_line, ..self.source.layout.clone() };
-        let mut layout = match self.source.text.head(LOOKED_AT + 1) {
-            Ok(head) => Layout::of(head, &said)?,
+        let mut layout = match self.layout(&said) {
+            Ok(layout) => layout?,
             Err(error) => return Some(Err(self.open(error))),
         };
         layout.inherit(&self.before);
+        let mut table = self.table(&layout, line);
+        // a table of results above that of the readings has no times
+        if said.header_line.is_none()
+            && table.as_ref().is_ok_and(|table| !table.has_clock())
+            && let Some((lines, bytes)) = layout.end(self.source.text.read())
+            && let Some(next) = Layout::of(&self.source.text.read()[bytes..], &said, LOOKED_AT)
+            && let Ok(mut timed) = self.table(&next, line + lines)
+            && timed.has_clock()
+        {
+            timed.warnings.push(format!(
+                "{}: the table from line {} on has no times; that from line {} on is taken",
+                self.file,
+                line + layout.first_row + 1,
+                line + lines + next.first_row + 1
+            ));
+            self.source.text.skip(bytes);
+            (line, layout, table) = (line + lines, next, Ok(timed));
+        }
         self.before = (layout.headers.clone(), layout.columns);
-        let begun = self.table(&layout, line).map(|mut table| {
+        let begun = table.map(|mut table| {
             let taking = Taking::new(&mut table, &mut self.source.text, &layout, line);
             Begun { table, layout, taking }
         });
         Some(begun)
+    }
+
+    /// The layout of what comes next; `None` if it has no table. The head of a file may be long.
+    fn layout(&mut self, said: &TableLayout) -> std::io::Result<Option<Layout>> {
+        let least = LOOKED_AT + said.header_line.unwrap_or(0);
+        for most in [least, least.max(MOST_LOOKED_AT)] {
+            let found = Layout::of(self.source.text.head(most + 1)?, said, most);
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
     }
 
     /// Goes on by a piece of the text; false at the end of the recording.

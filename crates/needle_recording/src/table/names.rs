@@ -36,6 +36,9 @@ pub(super) const TIME: Words = Words {
         "czas",
         "čas",
         "zaman",
+        "aika",
+        "idő",
+        "timp",
     ],
     ends: &["zeit"],
     parts: &["时间", "時間", "时刻", "時刻", "시간"],
@@ -97,6 +100,26 @@ pub(super) const POSITION: Words = Words {
         "деформация",
         "глубина",
         "ход",
+        "extensión",
+        "alargamiento",
+        "compresión",
+        "extensão",
+        "alongamento",
+        "allungamento",
+        "schiacciamento",
+        "positie",
+        "przemieszczenie",
+        "droga",
+        "posunutí",
+        "dráha",
+        "förskjutning",
+        "forskydning",
+        "forskyvning",
+        "siirtymä",
+        "elmozdulás",
+        "deplasare",
+        "uzama",
+        "deplasman",
     ],
     ends: &["weg", "tiefe"],
     parts: &["位移", "行程", "变形", "變形", "压缩量", "伸长", "位置", "深度", "変位", "深さ", "ストローク", "변위"],
@@ -125,12 +148,18 @@ pub(super) const FORCE: Words = Words {
         "сила",
         "усилие",
         "нагрузка",
+        "obciążenie",
+        "zatížení",
+        "voima",
+        "erő",
+        "forță",
+        "yük",
     ],
     ends: &["kraft"],
     parts: &["力", "载荷", "荷载", "負荷", "负荷", "荷重", "负载", "하중"],
 };
-/// A header with such a word is a rate, a stress or a command.
-const OTHERS: [&str; 14] = [
+/// A header with such a word is a rate, a stress, a command or its error.
+const OTHERS: [&str; 23] = [
     "rate",
     "speed",
     "velocity",
@@ -140,6 +169,15 @@ const OTHERS: [&str; 14] = [
     "work",
     "setpoint",
     "target",
+    "command",
+    "commanded",
+    "cmd",
+    "demand",
+    "desired",
+    "error",
+    "soll",
+    "sollwert",
+    "consigne",
     "geschwindigkeit",
     "spannung",
     "vitesse",
@@ -171,7 +209,7 @@ const SIZES: [&str; 17] = [
 impl Words {
     /// How well a header names the quantity: 2 by its first word, 1 by another one, 0 not at all.
     pub(crate) fn rank(&self, header: &str) -> u8 {
-        let header = header.trim().trim_start_matches('"').to_lowercase();
+        let header = apart(header.trim().trim_start_matches('"')).to_lowercase();
         let name = header.split(['(', '[', '<']).next().unwrap_or_default();
         let words: Vec<&str> = name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
         let other =
@@ -187,6 +225,22 @@ impl Words {
             _ => 1,
         }
     }
+}
+
+/// A header with blanks between words that are joined by capitals, as `loadCell`. A single letter is no such word: that of `tMax` is not
+/// the time.
+fn apart(header: &str) -> String {
+    let mut words = String::new();
+    let mut rest = header;
+    let joint = |w: &[u8]| w[0].is_ascii_lowercase() && w[1].is_ascii_uppercase() && w[2].is_ascii_lowercase();
+    while let Some(at) = rest.as_bytes().windows(3).position(joint) {
+        let (word, next) = rest.split_at(at + 1);
+        let is_letter = word.chars().rev().nth(1).is_none_or(|before| !before.is_alphanumeric());
+        words.push_str(if is_letter { &word[..at] } else { word });
+        words.push(' ');
+        rest = next;
+    }
+    words + rest
 }
 
 /// Whether a header says by its words that it is of something else than time, position and force, whatever its unit.
@@ -236,6 +290,8 @@ mod tests {
                     "pos [mm]",
                     "Verformung",
                     "Перемещение (мм)",
+                    "zPosition_mm",
+                    "Przemieszczenie",
                 ],
             ),
             (
@@ -252,6 +308,7 @@ mod tests {
                     "Fz, gf",
                     "Load / N",
                     "Нагрузка, Н",
+                    "loadCell_mN",
                 ],
             ),
         ] {
@@ -261,8 +318,17 @@ mod tests {
                 assert!(others.map(|other| other.rank(header)).all(|rank| rank < 2), "{header}");
             }
         }
-        for header in ["Engineering Stress (kPa)", "Load rate", "Extension speed", "State", "Kommentar", "力学应力"]
-        {
+        for header in [
+            "Engineering Stress (kPa)",
+            "Load rate",
+            "Extension speed",
+            "State",
+            "Kommentar",
+            "力学应力",
+            "Soll-Position (mm)",
+            "Position error",
+            "tMax",
+        ] {
             assert_eq!([TIME.rank(header), POSITION.rank(header), FORCE.rank(header)], [0; 3], "{header}");
         }
     }

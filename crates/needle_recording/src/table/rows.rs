@@ -7,7 +7,7 @@ use super::clock::{self, Clock};
 use super::columns::{Column, Columns};
 use super::contents::Table;
 use super::error::TableError;
-use super::layout::{self, Kind, Layout, Splitter};
+use super::layout::{self, Kind, LOOKED_AT, Layout, Splitter};
 use super::number::{measure, number};
 use super::row::Row;
 use super::text::Text;
@@ -106,7 +106,12 @@ impl Cells<'_> {
         let stamp = stamp.unwrap_or(Ok(at_s.map(|s| (s * 1e9).round() as i64)));
         let Ok(stamp) = stamp else { return Row { bad: true, ..Row::default() } };
         let mut row = Row { stamp, ..Row::default() };
-        row.bad = stamp.is_some() && self.fill(columns, &mut row).is_err();
+        let filled = self.fill(columns, &mut row);
+        // a reading without a time is lost
+        row.bad = match stamp {
+            Some(_) => filled.is_err(),
+            None => columns.time.is_some() && filled.is_ok() && row.has_sample(),
+        };
         row
     }
 
@@ -277,7 +282,7 @@ impl Taking {
     /// What stands behind the last row is no row of it: another table, whose line is given, or a foot.
     fn end(&mut self, table: &mut Table, text: &mut Text) -> Option<usize> {
         let gap = self.gap.take()?;
-        let another = Layout::of(&gap.text, &TableLayout { header_line: None, ..Default::default() });
+        let another = Layout::of(&gap.text, &TableLayout::default(), LOOKED_AT);
         if gap.bad == 0 {
             // a last row with a stray stamp
             table.lines[1] = self.number;
@@ -413,5 +418,9 @@ mod tests {
         assert_eq!(read(&slow.replace(",\n", "\n")), (0, String::new(), 40, 10));
         // single empty cells are no reading, and no loss
         assert_eq!(read(&plain.replace(",1.520\n", ",\n")), (0, String::new(), 40, 39));
+        // readings without a time are lost; rows without anything are none
+        assert_eq!(read(&plain.replace("\n20,20,", "\n,20,")), lost("line 22:  | 20 | 1.520"));
+        assert_eq!(read(&plain.replace("\n0,0,", "\n,0,")), lost("line 2:  | 0 | 1.50"));
+        assert_eq!(read(&(plain.clone() + ",,\n,,\n")), (0, String::new(), 40, 40));
     }
 }

@@ -153,6 +153,9 @@ fn refuse_foreign(path: &Path) -> Result<(), TableError> {
             ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s, numpy as n", variables.as_str())
         }
         "xlsx" | "xlsm" if cfg!(feature = "xlsx") => return Ok(()),
+        _ if is_html(&start) => ("a page of HTML", "lxml", "read_html('FILE')[0]"),
+        // many programs write text under this name
+        "xls" if is_text(&start) => return Ok(()),
         "xls" => ("such a spreadsheet", "xlrd", "read_excel('FILE')"),
         "xlsb" => ("such a spreadsheet", "pyxlsb", "read_excel('FILE')"),
         "ods" => ("such a spreadsheet", "odf", "read_excel('FILE')"),
@@ -169,6 +172,8 @@ fn refuse_foreign(path: &Path) -> Result<(), TableError> {
             ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s, numpy as n", variables.as_str())
         }
         _ if begins(b"TDSm") => ("a TDMS file", "nptdms as t", channels),
+        _ if begins(b"{\"") => ("a JSON file of lines", "json", "read_json('FILE', lines=True)"),
+        _ if begins(b"[{") => ("a JSON file", "json", "read_json('FILE')"),
         _ if begins(b"PAR1") => ("a Parquet file", "pyarrow", "read_parquet('FILE')"),
         _ if begins(b"ARROW1") => ("an Arrow file", "pyarrow", "read_feather('FILE')"),
         _ if begins(b"PK\x03\x04") => {
@@ -198,6 +203,18 @@ fn start(path: &Path) -> Vec<u8> {
         let _ = file.take(4096).read_to_end(&mut start);
     }
     start
+}
+
+/// Whether bytes begin a page with a table.
+fn is_html(start: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(start).to_lowercase();
+    text.trim_start_matches(['\u{feff}', ' ', '\r', '\n']).starts_with('<')
+        && (text.contains("<html") || text.contains("<table"))
+}
+
+/// Whether bytes are lines of text.
+fn is_text(start: &[u8]) -> bool {
+    start.contains(&b'\n') && !is_binary(start) && !start.starts_with(b"PK") && !start.starts_with(b"\xd0\xcf\x11\xe0")
 }
 
 /// Whether bytes are no text in any encoding. Logs of serial lines have control characters, and UTF-16 has zeros.

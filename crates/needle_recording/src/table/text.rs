@@ -90,6 +90,11 @@ impl Text {
         }
     }
 
+    /// What [`Text::head`] has read so far.
+    pub(crate) fn read(&self) -> &str {
+        &self.text
+    }
+
     /// Goes on by so many bytes of what [`Text::head`] showed.
     pub(crate) fn skip(&mut self, bytes: usize) {
         self.text.drain(..bytes);

@@ -39,7 +39,7 @@ pub(super) fn read(bytes: Vec<u8>, said: &TableLayout) -> Result<Sheet, String> 
     let layout = TableLayout { separator: Some('\t'), block: None, ..said.clone() };
     let mut is_table = |name: &String| {
         let head = text(&mut book, name, LOOKED_AT + 1);
-        head.is_ok_and(|head| Layout::of(&head, &layout).is_some_and(|layout| layout.has_rows()))
+        head.is_ok_and(|head| Layout::of(&head, &layout, LOOKED_AT).is_some_and(|layout| layout.has_rows()))
     };
     let (name, others) = match &said.sheet {
         Some(wanted) => {
