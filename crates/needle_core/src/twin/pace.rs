@@ -74,6 +74,8 @@ const SETTLED_ENERGIES: f64 = 0.75;
 /// Imbalance from which a kinematic needle gets further steps at a pose, over what the tolerance allows of the largest force so far, and over the
 /// usual imbalance: a motion that is smooth is not stopped at each pose.
 const STRUCK: f64 = 2.5;
+/// Forces below so many times the floor have no blows that are worth a step.
+const FAINT: f64 = 4.0;
 /// Factor by which the usual imbalance follows that of a pose at most, so that it is a median of the last ones.
 const FOLLOWS: f64 = 1.05;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
@@ -245,7 +247,8 @@ impl Pace {
 
     /// Whether the tissue of a kinematic needle has been thrown out of balance (see [`super::struck`]).
     pub(crate) fn is_struck(&self, balance: &Balance) -> bool {
-        unbalanced(balance) > STRUCK * self.usual.max(self.tolerance * self.peak.max(self.force_floor))
+        let size = self.peak.max(FAINT * self.force_floor);
+        unbalanced(balance) > STRUCK * self.usual.max(self.tolerance * size)
     }
 
     /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.
