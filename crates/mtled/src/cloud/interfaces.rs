@@ -193,7 +193,7 @@ pub(crate) fn heights(domain: &Domain, spacing: &Spacing) -> Vec<f64> {
 
 /// Nodes on the edges of the regions' boundaries, as far as they lie in the body.
 pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
-    let step = 4.0 * ON * domain.height();
+    let (step, whole) = (4.0 * ON * domain.height(), domain.whole());
     for solid in spacing.solids() {
         for (curve, closed, faces) in solid.edges(domain) {
             let point = distance(curve(0.0), curve(0.3)) == 0.0;
@@ -208,9 +208,9 @@ pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes)
                 let bits = spacing.touching(domain, p);
                 // a path's own nodes stand where it passes the boundary
                 let free = !domain.is_half() || !Packing::new(domain, spacing).reserved(p);
-                // where a sphere comes nearer to base or top than nodes are apart, these have its nodes
-                let gap = p[2].min(domain.height() - p[2]);
-                let apart_from_faces = !matches!(solid, Solid::Sphere { .. }) || gap > 0.5 * spacing.at(domain, p);
+                // where a sphere comes nearer to a face than nodes are apart, the face has its nodes
+                let apart_from_faces =
+                    !matches!(solid, Solid::Sphere { .. }) || whole.depth(p) > 0.5 * spacing.at(domain, p);
                 if inside && free && apart_from_faces && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
                     nodes.push(p, faces, true);
                 }

@@ -231,8 +231,8 @@ impl Plane<'_> {
             let piece = |t: f64| curve.at(a + t * (b - a));
             for t in equidistribute(self.domain, self.spacing, &piece, false, 1) {
                 let p = piece(t);
-                // where a sphere comes nearer to base or top than nodes are apart, these have its nodes
-                let gap = p[2].min(self.height - p[2]);
+                // where a sphere comes nearer to a face than nodes are apart, the face has its nodes
+                let gap = p[2].min(self.height - p[2]).min(self.radius - p[0]);
                 if !matches!(curve, Curve::Arc { .. }) || gap > 0.5 * self.h(p) {
                     self.push_apart(p, points);
                 }

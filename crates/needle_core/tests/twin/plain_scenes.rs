@@ -74,6 +74,7 @@ fn lumps_at_the_surface_are_meshed() {
         (half_plane, column(0.036, 0.02), indenter),
         (space, sphere(0.00572, 0.02503, 0.00286), needle),
         (space, sphere(0.00572, 0.02603, 0.00286), needle),
+        (space, sphere(0.0143, 0.019, 0.00286), needle),
     ] {
         let text = format!(
             "[sample]\n{sample}[material]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 2000.0\npoisson_ratio = 0.45\n\
