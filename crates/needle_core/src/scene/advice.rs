@@ -15,7 +15,7 @@ const FOLDING: f64 = 0.55;
 /// at 0.29 (`docs/lab/stability.md`).
 const ANY_VOLUME_RATIO: f64 = 0.28;
 /// Deformation coefficient up to which a kinematic needle goes in and out, in a half plane and in space: what is captured goes with the needle
-/// and presses what lies before it, until cells invert (`docs/stability.md`).
+/// and crushes what lies before it (`docs/stability.md`).
 const MOST_TAKEN_ALONG: [f64; 2] = [0.75, 0.6];
 /// Speed over that of a shear wave from which inertia, (v / c)^2 of the stress, is a per cent of the force.
 const QUASI_STATIC: f64 = 0.1;
@@ -105,7 +105,7 @@ fn taken_along(coefficient: f64, most: f64) -> Option<String> {
     (coefficient > most).then(|| {
         format!(
             "instrument.deformation_coefficient = {coefficient} crushes the tissue before the tip: above {most} such runs lose their \
-             solution. Tissue that sticks so much is what instrument.interaction = \"frictional\" is for"
+             balance or their solution. Tissue that sticks so much is what instrument.interaction = \"frictional\" is for"
         )
     })
 }

@@ -122,9 +122,10 @@ impl Twin {
         self.progress.pace.judge(&last, moves);
         let mut taken = steps;
         let left = most.saturating_sub(steps);
-        let further = match self.come_to_rest(&last, &tip, phase, pose.time_s, left)? {
-            None => self.calm(&last, &tip, phase, pose.time_s, left)?,
-            rested => rested,
+        let further = if matches!(self.contact, Some(Contact::Frictional(_))) {
+            self.come_to_rest(&last, &tip, phase, pose.time_s, left)?
+        } else {
+            self.calm(&last, &tip, phase, pose.time_s, left)?
         };
         if let Some((balance, further)) = further {
             self.progress.pace.note(&balance);
