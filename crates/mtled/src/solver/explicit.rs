@@ -274,6 +274,7 @@ impl Solver {
         self.saved.give_back(&mut self.state.moving);
         self.state.moving.mass_factor = mass_factor;
         self.told = None;
+        self.lighten_slow_modes(false);
         self.model.recover(&mut self.state, &mut self.work);
     }
 

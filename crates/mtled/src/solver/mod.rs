@@ -33,6 +33,7 @@ mod rest;
 mod settings;
 mod slide;
 mod slip;
+mod slow_modes;
 mod state;
 mod step;
 mod strip;

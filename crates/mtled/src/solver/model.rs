@@ -20,6 +20,7 @@ use super::mass::{Extent, FundamentalMode};
 use super::pool::Pool;
 use super::rest::Rest;
 use super::settings::{Precision, SolverSettings};
+use super::slow_modes::SlowModes;
 use super::state::{Moving, Role, State};
 
 /// Blocks of a half plane that are worth a thread.
@@ -89,6 +90,8 @@ pub struct Model {
     pub(super) points: Arc<[[f64; 3]]>,
     /// What the undeformed state has that is not zero.
     pub(super) rest: Rest,
+    /// Slow modes that may have less inertia.
+    pub(super) modes: Option<SlowModes>,
 }
 
 /// Scratch memory of a step, and its team of threads. What the last evaluation of the internal force found stands here:
@@ -167,6 +170,7 @@ impl Model {
             mass_scale: 1.0,
             step_factor: settings.step_factor,
             threads,
+            modes: None,
         };
         model.scale_masses();
         model
@@ -189,10 +193,11 @@ impl Model {
             extent: self.extent.clone(),
             points: Arc::clone(&self.points),
             half: self.half.clone(),
+            modes: None,
             ..*self
         };
         model.scale_masses();
-        model
+        if self.modes.is_some() { model.with_slow_modes() } else { model }
     }
 
     /// Whether states and scratch memory of one can be used with the other: both are of one cloud, of whatever materials.

@@ -29,6 +29,8 @@ impl Rest {
         let control = Control {
             mass: vec![0.0; nodes],
             slowest: 0.0,
+            light: false,
+            faster: 1.0,
             probe: noise(&role, half),
             largest: 0.0,
             since_refresh: 0.0,

@@ -204,6 +204,9 @@ cloned_field_by_field! {
         pub mass: Vec<f64>,
         /// Angular frequency of the slowest mode at mass factor 1, rad per step.
         pub slowest: f64,
+        /// Whether slow modes have less inertia at present (see [`super::slow_modes`]), and the frequency that is the slowest then, over that.
+        pub light: bool,
+        pub faster: f64,
         /// Present estimate of the eigenvector of the largest eigenvalue of M^-1 K.
         pub probe: Vec<[f64; 3]>,
         /// That eigenvalue at the last estimate, mass factor 1.
@@ -231,7 +234,7 @@ impl Control {
 impl State {
     /// Angular frequency of the slowest mode, rad per step.
     pub(super) fn slowest(&self) -> f64 {
-        self.control.slowest / self.moving.mass_factor.sqrt()
+        self.control.faster * self.control.slowest / self.moving.mass_factor.sqrt()
     }
 }
 

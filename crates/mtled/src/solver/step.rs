@@ -184,9 +184,10 @@ impl Model {
 
     /// Takes the steps from `rule.first` to `rule.last`.
     fn march(&self, state: &mut State, work: &mut Workspace, rule: &Rule) {
-        let State { moving, constraints, control: Control { mass, sums, dragged, .. }, points: shares } = state;
+        let State { moving, constraints, control: Control { mass, sums, dragged, light, .. }, points: shares } = state;
         let (constraints, mass) = (&*constraints, &*mass);
         let drag = &constraints.drag;
+        let modes = self.modes.as_ref().filter(|_| *light);
         let held = |step| self.held(constraints, mass, step, rule.steps);
         let pool = &mut work.pool;
         pool.each(nodes(moving), |i, part| {
@@ -195,6 +196,9 @@ impl Model {
             part.integrate_all(&held, rule.first, rule);
         });
         drag.step(moving, mass, rule.first, rule);
+        if let Some(modes) = modes {
+            modes.step(moving, constraints, rule);
+        }
         with_kernel!((&self.kernel, shares, &mut work.scratch) => (k, shares, scratch) {
             for step in rule.first..=rule.last {
                 k.force(shares, &moving.memory, scratch, pool, &moving.u);
@@ -214,11 +218,17 @@ impl Model {
                 });
                 if step < rule.last {
                     drag.step(moving, mass, step + 1, rule);
+                    if let Some(modes) = modes {
+                        modes.step(moving, constraints, rule);
+                    }
                 }
             }
         });
         if rule.last == rule.steps {
             *dragged = drag.sums(moving, &self.points, mass, rule.mass_factor);
+            if let Some(modes) = modes {
+                dragged.kinetic -= 0.5 * rule.mass_factor * modes.inertia_saved(&moving.q, mass, moving, constraints);
+            }
         }
     }
 
@@ -296,7 +306,10 @@ impl Model {
             k.force(points, &state.moving.memory, scratch, pool, image);
             k.node_forces(scratch, pool, image);
         });
-        self.learn_largest(state, image);
+        match self.modes.as_ref().filter(|_| state.control.light) {
+            Some(modes) => modes.learn_largest(state, image),
+            None => self.learn_largest(state, image),
+        }
     }
 
     /// Scales the probe to h e, and moves `image` to u + h e; false, and to u, where there is no probe.

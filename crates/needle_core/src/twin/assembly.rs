@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::instrument::{Contact, Frictional, NeedlePath, Press, Resistance, Shaft, start_and_slow, surface};
 use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Scene};
-use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
+use mtled::approximation::{ApproximationError, Basis, Form, Settings, ShapeTable};
 use mtled::cloud::{Axis, BASE};
 use mtled::solver::{Model, Role, Solver, SolverSettings, Surface};
 
@@ -167,7 +167,9 @@ pub(super) fn solver(
     let model = Model::of_materials(table, cells, fitted, role, &laws, &settings).with_nodes_at(points);
     let model = model.with_surfaces(instrument, base);
     let Some(Contact::Frictional(needle)) = contact else { return Solver::of(Arc::new(model), settings.threads) };
-    let mut solver = Solver::of(Arc::new(needle.rod(model)), settings.threads);
+    let model = needle.rod(model);
+    let model = if table.form == Form::Axisymmetric { model.with_slow_modes() } else { model };
+    let mut solver = Solver::of(Arc::new(model), settings.threads);
     needle.place(&mut solver);
     solver.settle();
     solver

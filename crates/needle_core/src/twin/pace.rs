@@ -61,7 +61,7 @@ const LAG_OF_SLIP: f64 = 1.0;
 /// Where tissue slips along a needle, the force changes over the way on which slip spreads, some f/K, and not over the height; what sticks
 /// lags, and no inertia in the sum of forces tells. So the change of the force at the last pose, times this, over n omega is the error that n
 /// steps leave.
-const CHANGE_OF_SLIP: f64 = 0.45;
+const CHANGE_OF_SLIP: f64 = 0.9;
 /// The same in space, where the path's layers are coarser and a step costs more. There a needle with friction is judged by its largest force, and
 /// forces below that which it meets on its first radii ([`FIRST_RADII`]) as if they were as large (`docs/lab/friction.md`).
 const CHANGE_OF_SLIP_IN_SPACE: f64 = 0.2;

@@ -7,7 +7,7 @@ use super::{Halt, Phase, Twin};
 
 /// Longest stride in radii of the needle, at any rate of poses: the front and the shaft's length are brought up to date between two, and
 /// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
-const STRIDE: f64 = 0.0025;
+const STRIDE: f64 = 0.005;
 /// The same in space: R/2 between layers, and not R/8 as at a membrane of a half plane. With 0.0025 a pose of 5 um takes four steps for nothing
 /// (`docs/lab/friction.md`).
 const STRIDE_IN_SPACE: f64 = 0.01;
@@ -24,8 +24,8 @@ const ADAPT: u32 = 4;
 pub(super) fn stride(radius: f64, length: f64, in_space: bool) -> f64 {
     // a pose that is as long but for round-off is one stride: with two now and then there are a tenth more steps. In a half plane fewer strides
     // cost more steps (docs/lab/friction.md)
-    let shortest = if in_space { STRIDE_IN_SPACE * (1.0 + 1e-6) } else { STRIDE } * radius;
-    (length / STRIDES).clamp(shortest, 10.0 * STRIDE * radius)
+    let shortest = if in_space { STRIDE_IN_SPACE } else { STRIDE } * (1.0 + 1e-6) * radius;
+    (length / STRIDES).clamp(shortest, 0.025 * radius)
 }
 
 impl Twin {
@@ -59,6 +59,9 @@ impl Twin {
                 }
             }
             sprang |= springs;
+            if springs {
+                self.solver.lighten_slow_modes(false);
+            }
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
             self.happened.see(seen, tip, phase, self.contact.as_ref(), &self.fixed.along);
             if look % ADAPT == 0 {
@@ -68,6 +71,7 @@ impl Twin {
             last = Some(self.advance_safely(steps, [0.0; 3], tip, phase, time_s)?);
             taken += steps;
         }
+        self.solver.lighten_slow_modes(true);
         if let Some(balance) = last.as_ref().filter(|_| sprang) {
             self.progress.pace.follow(balance);
         }
