@@ -394,6 +394,13 @@ const BAGS: &[Case] = &[
     case(15, "replay bags/js_two_publishers.mcap", 0, EXPLAINED),
     case(15, "replay bags/js_two_publishers.mcap --joint gripper", 1, &["no joint `gripper` but", "gripper_left"]),
     case(16, "replay bags/cp_transform.mcap", 0, EXPLAINED),
+    case(2, "replay @/position_drops_out.csv", 1, &["the positions jump to and fro", "a sensor that drops out"]),
+    case(
+        2,
+        "replay @/force_drops_out.csv",
+        3,
+        &["the forces jump to and fro", "a cell that drops out", "does not explain"],
+    ),
     case(16, "replay @/tree", 1, &["/tf", "poses of several frames, base, tip", "--joint"]),
     case(16, "replay @/tree --joint tip", 0, &["600 answered", "the model explains"]),
     case(16, "replay @/tree --joint tool", 1, &["/tf", "`base, tip`, and the tip is `tool`", "--joint"]),

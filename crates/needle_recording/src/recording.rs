@@ -31,6 +31,8 @@ const SENTINEL: f64 = 100.0;
 /// Readings of two sources that are nearer to each other are as good as one.
 const LEAST_JUMP_M: f64 = 5e-6;
 const LEAST_JUMP_N: f64 = 1e-4;
+/// Readings of a series in which these are sought.
+const LOOKED_AT: usize = 1 << 20;
 /// Share of the time of a motion without a force that is worth a warning.
 const MUCH: f64 = 0.1;
 
@@ -80,9 +82,15 @@ impl Stamped {
     /// Whether depths (0), poses (1) or forces (2) are those of two sources.
     fn zigzag(&self, series: usize) -> Option<Zigzag> {
         match series {
-            0 => Zigzag::of_axes(&[self.depths.0.iter().map(|s| s.1).collect()], LEAST_JUMP_M),
-            1 => Zigzag::of_axes(&[0, 1, 2].map(|k| self.poses.0.iter().map(|s| s.1.tip[k]).collect()), LEAST_JUMP_M),
-            _ => Zigzag::of_axes(&[0, 1, 2].map(|k| self.forces.0.iter().map(|s| s.1[k]).collect()), LEAST_JUMP_N),
+            0 => Zigzag::of_axes(&[self.depths.0.iter().take(LOOKED_AT).map(|s| s.1).collect()], LEAST_JUMP_M),
+            1 => {
+                let axis = |k: usize| self.poses.0.iter().take(LOOKED_AT).map(|s| s.1.tip[k]).collect();
+                Zigzag::of_axes(&[0, 1, 2].map(axis), LEAST_JUMP_M)
+            }
+            _ => {
+                let axis = |k: usize| self.forces.0.iter().take(LOOKED_AT).map(|s| s.1[k]).collect();
+                Zigzag::of_axes(&[0, 1, 2].map(axis), LEAST_JUMP_N)
+            }
         }
     }
 }
@@ -322,6 +330,19 @@ impl Recording {
                 (in_order(&t.file, forces, &mut losses, &mut warnings), String::new())
             }),
         };
+        if let Some(Zigzag { jumps, apart }) = stamped.zigzag(0).or_else(|| stamped.zigzag(1)) {
+            let reason = format!(
+                "the positions jump to and fro by some {apart:.6} m ({jumps} times): rows of two sources, or of a sensor that drops out. Leave \
+                 those of the other out"
+            );
+            return Err(TableError::Contents { path: PathBuf::from(&motion.file), reason }.into());
+        }
+        if let (Some(Zigzag { jumps, apart }), Some(cell)) = (stamped.zigzag(2), cell) {
+            warnings.push(format!(
+                "{}: the forces jump to and fro by some {apart:.6} N ({jumps} times): rows of two sources, or of a cell that drops out",
+                cell.file
+            ));
+        }
         let late_ns = plan.late_ns;
         let mut recording = Self { losses, warnings, ..Self::of(stamped, late_ns).told_by(read, said, &plan) };
         recording.warnings.dedup();

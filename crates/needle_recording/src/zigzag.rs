@@ -86,7 +86,7 @@ mod tests {
             assert!(found.jumps > 900 && (found.apart - 5e-4).abs() < 4e-5, "{found:?}");
         }
         // one in ten is of another source
-        let few = |i: u32| if i % 10 == 0 { 4e-4 } else { 0.0 };
+        let few = |i: u32| if i.is_multiple_of(10) { 4e-4 } else { 0.0 };
         let found = of(&(0..600).map(|i| press(i, 1e-6) + few(i)).collect::<Vec<_>>()).unwrap();
         assert!((55..=60).contains(&found.jumps), "{found:?}");
         let toggles: Vec<f64> = (0..600).map(|i| 1e-4 * f64::from(i / 60 + i % 2)).collect();

@@ -117,6 +117,21 @@ pub(super) fn make(folder: &Path) {
         (0..400).map(|i| format!("{:.2},{:.3},{:.5}\n", time(i), f64::from(i) * 2e-3, f64::from(i) * 1e-5)).collect()
     };
     write("set_back.csv", format!("{head}{}", set_back(2.05)).as_bytes());
+    let press = |i: u32| {
+        let t = f64::from(i) * 0.01;
+        let d = if t < 3.0 { t - 0.5 } else { 5.5 - t };
+        (t, d, if d > 0.0 { 0.3116 * d + 0.0117 * d * d } else { 0.0 })
+    };
+    let dropping = |motion: bool| -> String {
+        let row = |i: u32| {
+            let ((t, d, f), out) = (press(i), i.is_multiple_of(20));
+            let (d, f) = (if out && motion { 0.0 } else { d }, if out && !motion { 0.0 } else { f });
+            format!("{t:.2},{d:.4},{f:.5}\n")
+        };
+        (0..600).map(row).collect()
+    };
+    write("position_drops_out.csv", format!("{head}{}", dropping(true)).as_bytes());
+    write("force_drops_out.csv", format!("{head}{}", dropping(false)).as_bytes());
     bags(folder);
 }
 

@@ -3,6 +3,7 @@
 //!
 //! A value within another has the names of both, `header.stamp.sec`, and one of a list its number from 0, `position.0`.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::{self, Write as _};
 
@@ -175,7 +176,14 @@ pub(super) fn of_echo(bytes: &[u8]) -> Result<Records, String> {
     documents.push((from, at));
     documents.retain(|(from, to)| !text[*from..*to].trim().is_empty());
     let read = |(from, to): &(usize, usize)| {
-        let record = serde_saphyr::from_str::<Record>(&text[*from..*to]);
+        // numbers that are none, as words
+        let words = [(" .nan", " NaN"), (" .inf", " Infinity"), (" -.inf", " -Infinity")];
+        let document = &text[*from..*to];
+        let plain = words.iter().fold(Cow::from(document), |document, (mark, word)| match document.contains(mark) {
+            true => document.replace(mark, &format!(" \"{}\"", word.trim())).into(),
+            false => document,
+        });
+        let record = serde_saphyr::from_str::<Record>(&plain);
         record.map_err(|_| (*from, &text[*from..*to]))
     };
     table(text, &mut || documents.iter().map(read))

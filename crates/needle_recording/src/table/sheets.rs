@@ -36,10 +36,7 @@ pub(super) fn choose(
         Some(wanted) => {
             let found = names.iter().find(|name| *name == wanted);
             let found = found.or_else(|| names.iter().find(|name| name.eq_ignore_ascii_case(wanted.trim())));
-            (
-                found.ok_or_else(|| format!("--sheet {wanted}: it has no such sheet, but {}", quoted(&names)))?,
-                Vec::new(),
-            )
+            (found.ok_or_else(|| format!("--sheet {wanted}: it has no such sheet, but {}", quoted(names)))?, Vec::new())
         }
         None => {
             let mut tables = names.iter().filter(|name| is_table(name));
@@ -48,7 +45,7 @@ pub(super) fn choose(
                 format!(
                     "no sheet has rows of numbers in its first {LOOKED_AT} rows (sheets: {}): name one with --sheet, and the row of its \
                      headers with --header-line",
-                    quoted(&names)
+                    quoted(names)
                 )
             };
             (first.ok_or_else(missing)?, tables.cloned().collect::<Vec<String>>())
