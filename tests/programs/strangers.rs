@@ -2,6 +2,8 @@
 //! (`cargo test --release --test programs strangers -- --nocapture`). What is live is in `tests/ros/strangers.rs`.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod records;
+
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -209,7 +211,78 @@ const TABLES: &[Case] = &[
     case(9, "import @/old.xlsx", 1, &["can't be opened", "without a password", "CSV"]),
     case(9, "import @/text.xls", 0, FORTY),
     case(9, "import @/page.xls", 1, &["a page of HTML", "read_html"]),
-    case(9, "import @/lines.json", 1, &["a JSON file of lines", "read_json", "lines=True"]),
+    case(
+        9,
+        "import @/lines.json --position d --position-unit mm --time-unit s --force-unit N",
+        0,
+        &["JSON, 3 columns", "depth  2"],
+    ),
+    case(9, "import @/lines.jsonl", 0, FORTY),
+    case(9, "import @/list.json", 0, FORTY),
+    case(9, "import @/columns.json", 0, FORTY),
+    case(
+        9,
+        "import @/killed.jsonl",
+        3,
+        &["1 messages left out", "line 40: {\"time_s\": 3.9", "depth  39", "force  39"],
+    ),
+    case(9, "import @/nan.jsonl", 3, &["1 messages left out", "NaN", "depth  40", "force  39"]),
+    case(
+        9,
+        "import @/topics.jsonl --position-unit mm --force-unit N --force-columns /cell.wrench.force.x,/cell.wrench.force.y,/cell.wrench.force.z",
+        0,
+        FORTY,
+    ),
+    case(
+        9,
+        "import @/topics.jsonl --position-unit mm",
+        1,
+        &["several columns could be the force", "--force-columns X,Y,Z"],
+    ),
+    case(
+        9,
+        "import @/echo.yaml --position-unit mm",
+        0,
+        &["as of `ros2 topic echo`", "depth  40 readings from 0.000 to 3.900 s"],
+    ),
+    case(9, "import @/plotter.txt", 0, FORTY),
+    case(9, "import @/monitor.txt", 0, FORTY),
+    case(9, "import @/book.xml", 0, FORTY),
+    case(
+        9,
+        "import @/book.xls",
+        0,
+        &["sheet `Gel 7`", "`Gel 8` hold numbers as well", "depth  40 readings from 0.000 to 3.900 s"],
+    ),
+    case(9, "import @/book.xls --sheet Gel_9", 1, &["no such sheet", "`Notes`, `Gel 7`, `Gel 8`"]),
+    case(9, "import @/samples.xml", 1, &["an XML file", "read_xml"]),
+    case(9, "import @/pointer.csv", 1, &["Git LFS", "git lfs pull"]),
+    case(9, "import @/packed.zip", 1, &["an archive: unpack it", "!read_excel"]),
+    case(9, "import @/empty.csv", 1, &["it is empty"]),
+    case(4, "import @/millis.csv", 0, &["in millis", "depth  40 readings from 0.000 to 3.900 s", "to 0.0039"]),
+    case(4, "import @/mojibake.csv", 0, FORTY),
+    case(4, "import @/nul.csv", 0, FORTY),
+    case(4, "import @/row_names.csv", 0, FORTY),
+    case(5, "import @/pages.csv", 0, FORTY),
+    case(5, "import @/pages.csv", 0, &["the headers stand again on line 24", "one recording"]),
+    case(5, "import @/page_of_two_lost.csv", 3, &["1 messages left out", "line 24: 2.0 | OVER", "depth  40"]),
+    case(5, "import @/later.csv", 1, &["several recordings", "--block N"]),
+    case(
+        2,
+        "import @/gaps.txt",
+        0,
+        &["depth  40", "force  20 readings from 0.000 to 3.800 s, from 0.000000 to 0.003800 N"],
+    ),
+    case(2, "import @/one_gap.txt", 3, &["line 32: 3.000 | 0.600 | 21.0", "depth  39", "to 0.003900 N"]),
+    case(2, "import @/one_gap_of_one_width.txt", 3, &["line 32: 3.000 | 0.600 | 21.000", "depth  39", "to 0.003900 N"]),
+    case(2, "import @/nan.csv", 0, &["`NaN` in column 3 is taken for no reading", "depth  40", "force  20"]),
+    case(2, "import @/na.csv", 0, &["`#N/A` in column 3", "depth  40", "force  20"]),
+    case(2, "import @/dashes_for_none.csv", 0, &["`--` in column 3", "depth  40", "force  20"]),
+    case(2, "import @/one_nan.csv", 3, &["1 messages left out", "line 22", "depth  40", "force  39"]),
+    case(4, "import @/commas_twice.csv", 1, &["between commas", "decimal commas", "semicolons"]),
+    case(4, "import @/commas_twice.csv --header-line 1", 1, &["decimal commas", "semicolons"]),
+    case(6, "import @/set_back.csv", 3, &["200 messages left out", "step back by more than a second", "--rate-hz"]),
+    case(6, "import @/set_back.csv --rate-hz 10", 0, &["depth  400 readings from 0.000 to 39.900 s"]),
     case(9, "import @/renamed.csv", 1, &["such a spreadsheet under another name", "read_excel"]),
     case(9, "import @/renamed.dat", 1, &["an HDF5 file", "h5py"]),
     case(9, "import @/frame.feather", 1, &["an Arrow file", "read_feather"]),
@@ -321,6 +394,27 @@ const BAGS: &[Case] = &[
     case(15, "replay bags/js_two_publishers.mcap", 0, EXPLAINED),
     case(15, "replay bags/js_two_publishers.mcap --joint gripper", 1, &["no joint `gripper` but", "gripper_left"]),
     case(16, "replay bags/cp_transform.mcap", 0, EXPLAINED),
+    case(2, "replay @/position_drops_out.csv", 1, &["the positions jump to and fro", "a sensor that drops out"]),
+    case(
+        2,
+        "replay @/force_drops_out.csv",
+        3,
+        &["the forces jump to and fro", "a cell that drops out", "does not explain"],
+    ),
+    case(16, "replay @/tree", 1, &["/tf", "poses of several frames, base, tip", "--joint"]),
+    case(16, "replay @/tree --joint tip", 0, &["600 answered", "the model explains"]),
+    case(16, "replay @/tree --joint tool", 1, &["/tf", "`base, tip`, and the tip is `tool`", "--joint"]),
+    case(15, "replay @/two_zeros", 1, &["/measured_js", "two courses some 0.0004", "two nodes publish it", "remap"]),
+    case(15, "replay @/standing", 1, &["/measured_js", "two nodes publish it"]),
+    case(15, "replay @/two_alike", 0, &["1200 answered", "the model explains"]),
+    case(15, "replay @/two_cells", 1, &["/measured_cf", "its forces jump to and fro", "two nodes publish it"]),
+    case(12, "replay @/no_force", 3, &["/measured_cf", "has no message", "nothing to compare", "QoS"]),
+    case(
+        12,
+        "replay @/clock_set_back",
+        0,
+        &["/measured_js: its stamps step back by more than a second", "are used for all topics", "600 answered"],
+    ),
     case(7, "replay @/end_of_travel.csv", 1, &["never touched", "--position-zero -3.5"]),
     case(7, "replay @/datum.csv", 1, &["in the sample from the first reading on", "--position-zero 12.6"]),
     case(7, "calibrate @/datum.csv --fit material.shear_modulus_pa", 1, &["--position-zero 12.6"]),
@@ -700,7 +794,7 @@ fn make(folder: &Path) {
     write("old.npz", b"PK");
     write("old.xlsx", b"PK");
     write("old.xls", b"PK");
-    write("renamed.csv", b"PK\x03\x04 and more");
+    write("renamed.csv", b"PK\x03\x04\x14\0[Content_Types].xml and more");
     write("renamed.dat", b"\x89HDF\r\n\x1a\n\0\0");
     write("frame.feather", b"ARROW1\0\0");
     write("frame.pkl", b"\x80\x04\x95\0");
@@ -793,6 +887,7 @@ fn make(folder: &Path) {
 fn what_strangers_bring_is_read_or_refused_with_a_remedy() {
     let folder = TempDir::new().unwrap();
     make(folder.path());
+    records::make(folder.path());
     let with = |cases: &'static [Case], more: &'static str| cases.iter().map(move |case| (case, more));
     let all = with(TABLES, " --dry-run").chain(with(BAGS, COARSE)).chain(with(POSES, NEEDLE)).chain(with(CHECKS, ""));
     let (mut table, mut wrong) = (String::new(), String::new());

@@ -241,3 +241,42 @@ fn poses_in_millimetres_are_said() {
     let (_, log, _) = node.stop("INT");
     assert!(log.contains("away from where the instrument meets the sample") && log.contains("in mm"), "{log}");
 }
+
+/// A tracker has all its tools on one topic: that of the tip is named, and the others are no loss (row 16 of issue 59).
+#[test]
+fn several_tools_on_one_topic_are_said_and_told_apart() {
+    const HEIGHT_M: f64 = 0.017;
+    let kind = "geometry_msgs/msg/TransformStamped";
+    let named = ["-p", "joint_name:=tip"];
+    for more in [&[][..], &named[..]] {
+        let typed = format!("measured_cp_type:={kind}");
+        let (node, mut peer) = connected_twin(free_domain(), &[&["-p", &typed][..], more].concat());
+        peer.ask(json!({"op": "advertise", "topic": "/measured_cp", "type": kind}));
+        assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cp"]}))["missing"], json!([]));
+        let mut answered = 0;
+        for i in 0..20 {
+            let nanos = 50_000_000 * i;
+            let stamp = json!({"sec": START / 1_000_000_000 + nanos / 1_000_000_000, "nanosec": nanos % 1_000_000_000});
+            for (tool, z) in [("pointer", 0.2), ("tip", HEIGHT_M - 2e-5 * i as f64)] {
+                let value = json!({
+                    "header": {"stamp": stamp, "frame_id": "sample"}, "child_frame_id": tool,
+                    "transform": {"translation": {"x": 0.0, "y": 0.0, "z": z}, "rotation": {"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0}},
+                });
+                peer.ask(json!({"op": "publish", "topic": "/measured_cp", "value": value}));
+            }
+            let seconds = if more.is_empty() { 0.05 } else { 5.0 };
+            let answers =
+                peer.ask(json!({"op": "take", "topic": "/predicted_cf", "timeout": seconds}))["messages"].clone();
+            answered += answers.as_array().map_or(0, Vec::len);
+        }
+        let (code, log, _) = node.stop("INT");
+        assert_eq!(code, Some(0));
+        if more.is_empty() {
+            assert!(log.contains("the poses of `pointer` and of `tip`") && log.contains("joint_name"), "{log}");
+            assert!(answered <= 1, "{answered}: nobody knows which tool is the tip\n{log}");
+        } else {
+            assert_eq!(answered, 20, "{log}");
+            assert!(log.matches("is the pose of `pointer`").count() <= 1, "{log}");
+        }
+    }
+}

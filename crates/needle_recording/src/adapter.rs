@@ -4,6 +4,7 @@
 use ros2_messages::geometry_msgs::{PoseStamped, Quaternion};
 use ros2_messages::sensor_msgs::JointState;
 
+use super::selection::TopicNames;
 use needle_core::twin::Pose;
 
 /// Norms of a quaternion that counts as a rotation, with a tolerance for rounding.
@@ -60,8 +61,18 @@ pub enum Refusal {
         found: String,
     },
     /// The pose is that of another frame than the tip's.
-    #[error("it is not of the tip's frame (--joint)")]
-    OtherTool,
+    #[error("it is the pose of `{found}`, and the tip is `{wanted}` (joint_name of the node, --joint of a replay)")]
+    OtherTool {
+        /// The frame that the message is of.
+        found: String,
+        /// The tip's frame.
+        wanted: String,
+    },
+    /// Several frames share the topic, and none is named.
+    #[error(
+        "the topic has the poses of `{0}` and of `{1}`: name that of the tip (joint_name of the node, --joint of a replay)"
+    )]
+    SeveralTools(String, String),
     /// A coordinate is not finite.
     #[error("its position {position:?} is not finite; check the sensor")]
     Position {
@@ -74,6 +85,36 @@ pub enum Refusal {
         /// The received norm.
         norm: f64,
     },
+}
+
+/// The frames of which a topic has the poses: a tracker may publish all its tools on one.
+#[derive(Clone, Debug, Default)]
+pub struct Tools {
+    first: String,
+    other: Option<String>,
+}
+
+impl Tools {
+    /// Whether a pose is that of the tip. `joint`: the frame of the tip, or the default if none was named; `tool`: the frame of the pose,
+    /// "" of messages that name none.
+    ///
+    /// # Errors
+    /// [`Refusal::OtherTool`]; [`Refusal::SeveralTools`] if none was named and poses of two frames came.
+    pub fn check(&mut self, tool: &str, joint: &str) -> Result<(), Refusal> {
+        if tool.is_empty() || joint == tool {
+            return Ok(());
+        }
+        if joint != TopicNames::default().joint {
+            return Err(Refusal::OtherTool { found: tool.to_owned(), wanted: joint.to_owned() });
+        }
+        if self.first.is_empty() {
+            tool.clone_into(&mut self.first);
+        } else if self.first != tool {
+            self.other.get_or_insert_with(|| tool.to_owned());
+        }
+        let several = |other: &String| Refusal::SeveralTools(self.first.clone(), other.clone());
+        self.other.as_ref().map_or(Ok(()), |other| Err(several(other)))
+    }
 }
 
 impl Adapter<'_> {

@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use super::order::Ordered;
 use ros2_messages::builtin_interfaces::Time;
 use rosbag2_mcap::Loss;
 
@@ -66,6 +67,8 @@ pub(super) struct Census {
     unstamped: usize,
     /// Number of those with more nanoseconds than a second has.
     invalid: usize,
+    /// Whether stamps, and times of recording, step back by more than a second and go on from there.
+    again: [bool; 2],
     /// Number of messages with the time of the previous one and another value, by each of the three clocks.
     repeats: [usize; 3],
     /// Median of stamp minus time of recording, ns, and its scatter.
@@ -93,6 +96,10 @@ impl Census {
             all: of.samples.len(),
             unstamped: of.samples.len() - stamped.len(),
             invalid: of.samples.iter().filter(|(at, _)| at.stamp.nanosec >= BILLION).count(),
+            again: [Base::Stamps, Base::Recorded].map(|base| {
+                let times = || of.samples.iter().filter(|(at, _)| base != Base::Stamps || at.is_stamped());
+                Ordered::new(times().map(|(at, _)| (at.at(base), ())).collect()).second > 0
+            }),
             repeats,
             ahead: quantile(2).zip(quantile(1).zip(quantile(3)).map(|(a, b)| b.saturating_sub(a))),
             span: stamps().min().zip(stamps().max()),
@@ -109,7 +116,8 @@ impl Census {
 pub(super) fn choose(topics: [&Census; 2], warnings: &mut Vec<String>) -> Base {
     let without = topics.iter().find(|t| t.many(t.unstamped));
     let coarse = topics.iter().find(|t| t.many(t.repeats[0]) && t.repeats[2] < t.repeats[0]);
-    let Some(one) = without.or(coarse) else { return Base::Stamps };
+    let again = topics.iter().find(|t| t.again == [true, false]);
+    let Some(one) = without.or(coarse).or(again) else { return Base::Stamps };
     let published = topics.iter().all(|t| !t.many(t.repeats[1]));
     let base = if published { Base::Published } else { Base::Recorded };
     let word = if published { "sent" } else { "recorded" };
@@ -122,6 +130,9 @@ pub(super) fn choose(topics: [&Census; 2], warnings: &mut Vec<String>) -> Base {
             format!("{} of {all} messages have no stamp, or one with more than {most} ns ({})", t.unstamped, t.invalid)
         }
         Some(t) => format!("{} of {} messages have no stamp", t.unstamped, t.all),
+        None if coarse.is_none() => {
+            "its stamps step back by more than a second, as of a clock that was set or began anew".to_owned()
+        }
         None => format!("{} of {} messages have the stamp of the one before", one.repeats[0], one.all),
     };
     warnings.push(format!("{}: {why}; the times at which messages were {word} are used for all topics", one.topic));

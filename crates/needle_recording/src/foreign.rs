@@ -11,6 +11,7 @@ use ros2_messages::geometry_msgs::{
 };
 use ros2_messages::sensor_msgs::{JointState, Range};
 use ros2_messages::std_msgs::{Float32, Float64, Float64MultiArray, Header};
+use ros2_messages::tf2_msgs::TFMessage;
 use rosbag2_mcap::{BagReader, Message};
 
 /// Why a topic can't be used as the user requests.
@@ -135,6 +136,8 @@ fn find(
 /// Types of a topic that contain the tip's pose.
 pub const POSES: [&str; 4] =
     [PoseStamped::TYPE, TransformStamped::TYPE, PoseWithCovarianceStamped::TYPE, PointStamped::TYPE];
+/// The same in a bag, where a tree of transforms is read as well.
+pub(super) const POSES_OF_BAGS: [&str; 5] = [POSES[0], POSES[1], POSES[2], POSES[3], TFMessage::TYPE];
 /// Types of a topic that contain a force with three components.
 pub const WRENCHES: [&str; 2] = [WrenchStamped::TYPE, Wrench::TYPE];
 /// Orientation of an instrument that points straight down: a rotation by 180 degrees about x.
@@ -144,6 +147,26 @@ const DOWN: Quaternion = Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };
 pub trait Holds<T>: RosMessage + 'static {
     /// The pose or wrench with stamp and frame, as far as the message has them.
     fn held(self) -> T;
+
+    /// The frame whose pose it is, "" if it names none.
+    fn tool(&self) -> &str {
+        ""
+    }
+}
+
+/// A pose and the frame that it is of, "" if it is not named.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posed {
+    /// The pose.
+    pub pose: PoseStamped,
+    /// The frame.
+    pub tool: String,
+}
+
+impl<M: Holds<PoseStamped>> Holds<Posed> for M {
+    fn held(self) -> Posed {
+        Posed { tool: Holds::<PoseStamped>::tool(&self).to_owned(), pose: self.held() }
+    }
 }
 
 impl Holds<Self> for PoseStamped {
@@ -156,6 +179,10 @@ impl Holds<PoseStamped> for TransformStamped {
     fn held(self) -> PoseStamped {
         let position = <[f64; 3]>::from(self.transform.translation).into();
         PoseStamped { header: self.header, pose: Pose { position, orientation: self.transform.rotation } }
+    }
+
+    fn tool(&self) -> &str {
+        &self.child_frame_id
     }
 }
 
@@ -184,20 +211,16 @@ impl Holds<WrenchStamped> for Wrench {
     }
 }
 
-/// The tip's pose from a message of one of [`POSES`].
-pub(super) fn pose_of(bag: &BagReader, message: &Message) -> Result<PoseStamped, String> {
+/// The poses in a message of one of [`POSES_OF_BAGS`]: several in one of transforms.
+pub(super) fn poses_of(bag: &BagReader, message: &Message) -> Result<Vec<Posed>, String> {
+    let one = |posed: Posed| vec![posed];
     match bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str()) {
-        TransformStamped::TYPE => bag.decode::<TransformStamped>(message).map(Holds::held),
-        PoseWithCovarianceStamped::TYPE => bag.decode::<PoseWithCovarianceStamped>(message).map(Holds::held),
-        PointStamped::TYPE => bag.decode::<PointStamped>(message).map(Holds::held),
-        _ => bag.decode(message),
+        TransformStamped::TYPE => bag.decode::<TransformStamped>(message).map(Holds::held).map(one),
+        PoseWithCovarianceStamped::TYPE => bag.decode::<PoseWithCovarianceStamped>(message).map(Holds::held).map(one),
+        PointStamped::TYPE => bag.decode::<PointStamped>(message).map(Holds::held).map(one),
+        TFMessage::TYPE => Ok(bag.decode::<TFMessage>(message)?.transforms.into_iter().map(Holds::held).collect()),
+        _ => bag.decode::<PoseStamped>(message).map(Holds::held).map(one),
     }
-}
-
-/// The frame whose pose a message of a transform holds; `None` of other types, which do not name it.
-pub(super) fn tool_of(bag: &BagReader, message: &Message) -> Result<Option<String>, String> {
-    let is_transform = bag.topics().get(message.topic).is_some_and(|t| t.type_name == TransformStamped::TYPE);
-    is_transform.then(|| bag.decode::<TransformStamped>(message).map(|m| m.child_frame_id)).transpose()
 }
 
 /// The wrench from a message of one of [`WRENCHES`].

@@ -24,12 +24,13 @@ mod thin;
 mod topics;
 mod unit;
 mod write;
+mod zigzag;
 
-pub use adapter::{Adapter, Refusal, orientation};
+pub use adapter::{Adapter, Refusal, Tools, orientation};
 pub use error::RecordingError;
 pub use force_series::ForceSeries;
 pub use foreign::ForeignError;
-pub use foreign::{ForceSource, Holds, POSES, PositionSource, WRENCHES};
+pub use foreign::{ForceSource, Holds, POSES, Posed, PositionSource, WRENCHES};
 pub use frame::FrameError;
 pub use import::{Extent, Import, Imported};
 pub use reading::{At, Reading};

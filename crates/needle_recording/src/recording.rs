@@ -4,7 +4,7 @@ use super::Adapter;
 use super::Refusal;
 use super::clocks::{self, Census};
 use super::error::RecordingError;
-use super::foreign::{WRENCHES, pose_of, tool_of, wrench_of};
+use super::foreign::{Posed, WRENCHES, poses_of, wrench_of};
 use super::frame::Frames;
 use super::holes::Holes;
 use super::order::Spread;
@@ -14,10 +14,12 @@ use super::series::{self, Held, Reading, Series, in_order};
 use super::table::{Survey, Table, TableError, refuse_options};
 use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
 use super::unit::Dimension;
+use super::zigzag::Zigzag;
 use needle_core::instrument::reading::MeasuredAxes;
 use needle_core::twin::Pose;
 use ros2_messages::RosMessage;
 use ros2_messages::geometry_msgs::PoseArray;
+use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
 use std::cell::RefCell;
@@ -26,6 +28,11 @@ use std::path::{Path, PathBuf};
 
 /// A force this many times as large as all others is no reading.
 const SENTINEL: f64 = 100.0;
+/// Readings of two sources that are nearer to each other are as good as one.
+const LEAST_JUMP_M: f64 = 5e-6;
+const LEAST_JUMP_N: f64 = 1e-4;
+/// Readings of a series in which these are sought.
+const LOOKED_AT: usize = 1 << 20;
 /// Share of the time of a motion without a force that is worth a warning.
 const MUCH: f64 = 0.1;
 
@@ -69,6 +76,23 @@ struct Stamped {
     poses: Series<Pose>,
     forces: Series<[f64; 3]>,
     markers: Series<Vec<[f64; 3]>>,
+}
+
+impl Stamped {
+    /// Whether depths (0), poses (1) or forces (2) are those of two sources.
+    fn zigzag(&self, series: usize) -> Option<Zigzag> {
+        match series {
+            0 => Zigzag::of_axes(&[self.depths.0.iter().take(LOOKED_AT).map(|s| s.1).collect()], LEAST_JUMP_M),
+            1 => {
+                let axis = |k: usize| self.poses.0.iter().take(LOOKED_AT).map(|s| s.1.tip[k]).collect();
+                Zigzag::of_axes(&[0, 1, 2].map(axis), LEAST_JUMP_M)
+            }
+            _ => {
+                let axis = |k: usize| self.forces.0.iter().take(LOOKED_AT).map(|s| s.1[k]).collect();
+                Zigzag::of_axes(&[0, 1, 2].map(axis), LEAST_JUMP_N)
+            }
+        }
+    }
 }
 
 impl Recording {
@@ -157,14 +181,14 @@ impl Recording {
         let tools = RefCell::new(BTreeSet::new());
         let tip = (names.joint != TopicNames::default().joint).then_some(names.joint.as_str());
         let poses = reading.gather(pose, |message| {
-            let m = pose_of(bag, message)?;
-            if let Some(tool) = tool_of(bag, message)? {
-                let other = tip.is_some_and(|tip| tip != tool);
-                tools.borrow_mut().insert(tool);
-                if other {
-                    return Ok((Held::Nothing(Refusal::OtherTool), m.header));
-                }
-            }
+            let all = poses_of(bag, message)?;
+            let names: Vec<String> = all.iter().map(|m| m.tool.clone()).filter(|tool| !tool.is_empty()).collect();
+            let is_tip = |m: &Posed| tip.is_none_or(|tip| m.tool.is_empty() || m.tool == tip);
+            let Some(Posed { pose: m, .. }) = all.into_iter().find(is_tip) else {
+                let (found, wanted) = (names.join(", "), tip.unwrap_or_default().to_owned());
+                return Ok((Held::Nothing(Refusal::OtherTool { found, wanted }), Header::default()));
+            };
+            tools.borrow_mut().extend(names);
             // any frame is accepted if the user gave the sample's pose in it
             let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { adapter.frame_id };
             let in_m = |pose: Pose| frames.pose(Pose { tip: pose.tip.map(|x| m_per_unit * x), ..pose });
@@ -178,6 +202,7 @@ impl Recording {
         }
         if depths.samples.is_empty() && poses.samples.is_empty() {
             reading.lose(&depths.topic, depths.nothing.clone());
+            reading.lose(&poses.topic, poses.nothing.clone());
         }
         let mut forces = reading.gather(wrench, |message| {
             let m = match &force_source {
@@ -227,6 +252,20 @@ impl Recording {
             forces: ordered(forces, base, losses, warnings),
             markers: ordered(markers, base, losses, warnings),
         };
+        for (topic, series, what) in [
+            (joint_state, stamped.zigzag(0), "depths"),
+            (pose, stamped.zigzag(1), "positions"),
+            (wrench, stamped.zigzag(2), "forces"),
+        ] {
+            if let Some((topic, Zigzag { jumps, apart })) = topic.zip(series) {
+                let unit = if what == "forces" { "N" } else { "m" };
+                let reason = format!(
+                    "its {what} jump to and fro between two courses some {apart:.6} {unit} apart ({jumps} times), as if two nodes publish \
+                     it: record one of them alone, or remap the topic of the other"
+                );
+                return Err(topic_error(bag, &bag.topics()[topic], reason).into());
+            }
+        }
         let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
         let late_ns = ((said.time_offset_s * 1e9).round() as i64).saturating_add(ahead_ns);
         let mut recording = Self {
@@ -246,6 +285,11 @@ impl Recording {
             ..Self::of(stamped, late_ns)
         };
         recording.turn(&frames, taken, with_poses);
+        if let Some(topic) = wrench.filter(|_| recording.forces.is_empty() && recording.losses.is_empty()) {
+            let topic = bag.topics()[topic].name.clone();
+            let reason = "the topic of the force has no message, so there is nothing to compare: were publisher and recorder of one QoS?";
+            recording.losses.push(Loss::Samples { topic, count: 0, reason: reason.to_owned() });
+        }
         recording.check(bag, joint_state.or(pose))?;
         Ok(recording)
     }
@@ -286,6 +330,19 @@ impl Recording {
                 (in_order(&t.file, forces, &mut losses, &mut warnings), String::new())
             }),
         };
+        if let Some(Zigzag { jumps, apart }) = stamped.zigzag(0).or_else(|| stamped.zigzag(1)) {
+            let reason = format!(
+                "the positions jump to and fro by some {apart:.6} m ({jumps} times): rows of two sources, or of a sensor that drops out. Leave \
+                 those of the other out"
+            );
+            return Err(TableError::Contents { path: PathBuf::from(&motion.file), reason }.into());
+        }
+        if let (Some(Zigzag { jumps, apart }), Some(cell)) = (stamped.zigzag(2), cell) {
+            warnings.push(format!(
+                "{}: the forces jump to and fro by some {apart:.6} N ({jumps} times): rows of two sources, or of a cell that drops out",
+                cell.file
+            ));
+        }
         let late_ns = plan.late_ns;
         let mut recording = Self { losses, warnings, ..Self::of(stamped, late_ns).told_by(read, said, &plan) };
         recording.warnings.dedup();

@@ -107,7 +107,11 @@ pub(super) fn told<V>(topic: &str, ordered: &Ordered<V>, losses: &mut Vec<Loss>,
         }
     };
     lose(ordered.strays, "their stamps are of another time than those of the messages round them");
-    lose(ordered.second, "their stamps step back by more than a second: only what lies before is used");
+    lose(
+        ordered.second,
+        "their stamps step back by more than a second: only what lies before is used. Where a clock was set back, --rate-hz takes the rows \
+         of a table at a constant rate",
+    );
     lose(ordered.one_time, "all have one stamp: give the column of the time, or --rate-hz");
     if ordered.sorted {
         warnings.push(format!("{topic}: messages are not in the order of their stamps; they were sorted"));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::RecordingError;
-use super::foreign::{ForceSource, POSES, PositionSource, WRENCHES};
+use super::foreign::{ForceSource, POSES, POSES_OF_BAGS, PositionSource, WRENCHES};
 use super::selection::{Quantity, Selection};
 use super::unit::Dimension;
 use ros2_messages::RosMessage;
@@ -33,8 +33,7 @@ pub(super) fn no_motion(bag: &BagReader) -> BagError {
     let lost: Vec<String> = bag.losses().iter().map(ToString::to_string).collect();
     let remedy = if lost.is_empty() {
         "Name the topics with the depth or the pose (--measured-js, --measured-cp), or remap them when recording. Of other types \
-         (std_msgs/Float64, sensor_msgs/Range, ...), units or signs the rig makes these: `rig_node BAG --ros-args -p \
-         position_topic:=TOPIC -p position_m_per_unit:=0.001`, recorded by `-p record:=FOLDER`"
+         (std_msgs/Float64, sensor_msgs/Range, ...), units or signs: --position-topic TOPIC --position-unit mm"
             .to_owned()
     } else {
         format!("The bag is damaged: {}", lost.join("; "))
@@ -124,22 +123,18 @@ pub(super) fn joint_state(bag: &BagReader, said: &Selection) -> Result<Option<us
 pub(super) fn pose(bag: &BagReader, said: &Selection, any_type: bool) -> Result<Option<usize>, BagError> {
     let of_position = said.position.place.as_deref().filter(|name| is_pose(bag, name));
     let named = said.names.pose.as_deref().or(of_position);
-    find(
-        bag,
-        &Sought {
-            named,
-            suffix: "measured_cp",
-            types: &POSES,
-            never: &["targets_with_covariance", "predicted_tip"],
-            any_type,
-        },
-    )
+    let never = &["targets_with_covariance", "predicted_tip", "tf_static"];
+    let types: &[&str] = if named.is_some() { &POSES_OF_BAGS } else { &POSES };
+    let found = find(bag, &Sought { named, suffix: "measured_cp", types, never, any_type })?;
+    // a tree of transforms only where nothing else tells the motion
+    let of_tree = Sought { named: None, suffix: "tf", types: &POSES_OF_BAGS[POSES.len()..], never, any_type };
+    if any_type && found.is_none() { find(bag, &of_tree) } else { Ok(found) }
 }
 
 /// Whether a topic contains poses.
 pub(super) fn is_pose(bag: &BagReader, name: &str) -> bool {
     let bare = name.trim_start_matches('/');
-    bag.topics().iter().any(|t| t.name.trim_start_matches('/') == bare && POSES.contains(&t.type_name.as_str()))
+    bag.topics().iter().any(|t| t.name.trim_start_matches('/') == bare && POSES_OF_BAGS.contains(&t.type_name.as_str()))
 }
 
 /// The load cell.

@@ -79,10 +79,12 @@ impl Dimension {
                 ("secs", "s"),
                 ("sek", "s"),
                 ("msec", "ms"),
+                ("millis", "ms"),
                 ("millisecond", "ms"),
                 ("milliseconds", "ms"),
                 ("millisekunden", "ms"),
                 ("usec", "us"),
+                ("micros", "us"),
                 ("microseconds", "us"),
                 ("nanoseconds", "ns"),
                 ("minutes", "min"),
@@ -131,7 +133,8 @@ impl Dimension {
     /// any case (`MM`, `Sec`).
     #[must_use]
     pub(crate) fn unit(self, text: &str) -> Option<f64> {
-        let text = text.trim().replace(['µ', 'μ'], "u");
+        // `in.`, and a micro sign that was read in a wrong encoding
+        let text = text.trim().trim_end_matches('.').replace("Âµ", "u").replace(['µ', 'μ'], "u");
         let exact = self.units().iter().find(|(name, _)| *name == text);
         // MN is not mN, and Ms is not ms
         let loose = |name: &str| name.eq_ignore_ascii_case(&text) && !text.starts_with('M');
@@ -169,7 +172,10 @@ impl Dimension {
             .into_iter()
             .chain(behind)
             .flatten();
-        found.map(str::trim).find_map(|unit| {
+        // Arduino's functions are names and units
+        let alone =
+            ["millis", "micros"].into_iter().find(|name| self == Self::Time && header.eq_ignore_ascii_case(name));
+        found.chain(alone).map(str::trim).find_map(|unit| {
             // names in snake case have lower-case units: depth_m, force_n, and those of R: force.n
             let own =
                 header.contains(['_', '.']).then(|| self.units().iter().find(|(name, _)| name.to_lowercase() == unit));
@@ -221,6 +227,9 @@ mod tests {
         assert_eq!(of(Dimension::Length, "Weg (Millimeters)"), Some(1e-3));
         assert_eq!(of(Dimension::Force, "Kraft (Newtons)"), Some(1.0));
         assert!(Dimension::Force.in_brackets("Untitled [mN]") && !Dimension::Force.in_brackets("Untitled N"));
+        assert_eq!(of(Dimension::Length, "Weg (in.)"), Some(0.0254));
+        assert_eq!(of(Dimension::Length, "Weg (Âµm)"), Some(1e-6));
+        assert_eq!(of(Dimension::Time, "millis"), Some(1e-3));
         assert!(is_unit("(mm)") && is_unit("") && !is_unit("Load"));
     }
 }

@@ -25,7 +25,7 @@ parameters! {
     JOINT_NAME: String = Parameter::new(
         "joint_name",
         "insertion",
-        "Joint of measured_js whose position is the depth, m.",
+        "Joint of measured_js whose position is the depth, m; of transforms the frame of the tip.",
     );
     FRAME_ID: String = Parameter::new(
         "frame_id",

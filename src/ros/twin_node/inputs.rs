@@ -11,7 +11,7 @@ use super::solver::Event;
 use super::stretch::{Arrival, Stretch};
 use super::tracked::Seen;
 use needle_estimate::compare::frozen::Frozen;
-use needle_recording::{Adapter, Holds, Refusal};
+use needle_recording::{Adapter, Holds, Posed, Refusal, Tools};
 use ros2_messages::RosMessage as _;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{
@@ -34,7 +34,7 @@ const UNSTAMPED: &str = "has no stamps: how old it is can't be known";
 /// The subscriptions.
 pub(super) struct Inputs {
     joint: Input<JointState>,
-    pose: Converted<PoseStamped>,
+    pose: Converted<Posed>,
     wrench: Converted<WrenchStamped>,
     targets: Input<PoseArray>,
     clock: Input<Clock>,
@@ -115,7 +115,6 @@ pub(super) fn run(
             let message = inputs.targets.next().await;
             let stamp_nanos = stamp_or_now(shared, message.header.stamp);
             match Seen::of(&message, stamp_nanos, frame_id) {
-                // As for the load cell.
                 Ok(seen) => drop(events.try_send(Event::Tracked(seen))),
                 Err(why) if refused.pass().is_some() => tracing::warn!("measured_targets is not used: {why}"),
                 Err(_) => {}
@@ -166,6 +165,7 @@ struct Intake<'a> {
     poses: Followed<Source>,
     /// The same for readings of the load cell.
     cells: Followed<Guid>,
+    tools: Tools,
     warnings: BTreeMap<Reject, Throttle>,
     unstamped: Throttle,
     cell_frame: Throttle,
@@ -184,6 +184,7 @@ impl<'a> Intake<'a> {
             stretch: Stretch::default(),
             poses: Followed::default(),
             cells: Followed::default(),
+            tools: Tools::default(),
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
             cell_frame: Throttle::new(Duration::from_secs(60)),
@@ -207,8 +208,7 @@ impl<'a> Intake<'a> {
         self.offer("measured_js", origin, message.header.stamp, taken, velocity);
     }
 
-    /// A load cell may use another frame name; then the user must ensure that its axes are parallel to those of the
-    /// sample.
+    /// A load cell in another frame: the user must ensure that its axes are parallel to those of the sample.
     fn check_cell(&mut self, frame_id: &str) {
         if !frame_id.is_empty() && frame_id != self.frame_id && self.cell_frame.pass().is_some() {
             tracing::warn!(
@@ -219,11 +219,11 @@ impl<'a> Intake<'a> {
         }
     }
 
-    fn pose_stamped(&mut self, message: &PoseStamped, origin: Origin) {
+    fn pose_stamped(&mut self, Posed { pose, tool }: &Posed, origin: Origin) {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
-        let taken = adapter.pose(message).map(Where::Pose);
-        self.offer("measured_cp", origin, message.header.stamp, taken, 0.0);
+        let taken = self.tools.check(tool, adapter.joint).and_then(|()| adapter.pose(pose)).map(Where::Pose);
+        self.offer("measured_cp", origin, pose.header.stamp, taken, 0.0);
     }
 
     /// `velocity`: that came with it, m/s; 0 if none did.
@@ -236,10 +236,12 @@ impl<'a> Intake<'a> {
         velocity: f64,
     ) {
         let source = Source { topic, publisher: origin.publisher };
+        let others = |followed| followed != source || matches!(taken, Err(Refusal::OtherTool { .. }));
         match taken {
             Ok(place) => self.accept(source, origin.received, stamp, place, velocity),
-            // Joints of other machines on the same topic are no loss while the needle's joint is received.
-            Err(Refusal::NoSuchJoint { .. }) if self.poses.source().is_some_and(|followed| followed != source) => {}
+            // Joints and tools of other machines on the same topic are no loss while the needle's own is received.
+            Err(Refusal::NoSuchJoint { .. } | Refusal::OtherTool { .. }) if self.poses.source().is_some_and(others) => {
+            }
             Err(refusal) => self.reject(Reject::from(&refusal), || format!("{topic}: {refusal}")),
         }
     }
@@ -272,7 +274,7 @@ impl<'a> Intake<'a> {
         Duration::try_from_secs_f64(self.shared.settings().input_timeout_s).unwrap_or(Duration::MAX)
     }
 
-    /// Two publishers of one measurement: the node can't know which one is right.
+    /// Two publishers of one measurement.
     fn doubt_two(&self, topic: &'static str, followed: Option<Guid>, other: Guid) {
         self.doubt(Doubt::Two(topic), || {
             format!(

@@ -37,7 +37,7 @@ impl From<&Refusal> for Reject {
     fn from(refusal: &Refusal) -> Self {
         match refusal {
             Refusal::NoSuchJoint { .. } | Refusal::NoPosition { .. } => Self::NoSuchJoint,
-            Refusal::WrongFrame { .. } => Self::WrongFrame,
+            Refusal::WrongFrame { .. } | Refusal::OtherTool { .. } | Refusal::SeveralTools(..) => Self::WrongFrame,
             _ => Self::NotFinite,
         }
     }

@@ -120,7 +120,7 @@ impl Finder<'_> {
         (0..self.layout.columns).map(|i| format!("{} `{}`", i + 1, self.name(i))).collect::<Vec<_>>().join(", ")
     }
 
-    fn error(&self, reason: String) -> TableError {
+    pub(super) fn error(&self, reason: String) -> TableError {
         TableError::Columns { file: self.file.to_owned(), reason, columns: self.describe() }
     }
 
@@ -167,7 +167,12 @@ impl Finder<'_> {
         let some_fit = ranks.iter().any(|(i, _)| fits(*i));
         let ranks = || ranks.iter().filter(|(i, _)| !some_fit || fits(*i));
         let best = ranks().map(|(_, rank)| *rank).max();
-        ranks().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
+        let mut found: Vec<usize> = ranks().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect();
+        // words are of no quantity where numbers are
+        if !is_time && found.iter().any(|i| self.layout.kind(*i) == Kind::Number) {
+            found.retain(|i| self.layout.kind(*i) != Kind::Text);
+        }
+        found
     }
 
     /// The columns of numbers that have a unit of the quantity, and no name that says otherwise.
@@ -217,8 +222,10 @@ impl Finder<'_> {
             }),
             [one] => Ok(Some(one)),
             _ => {
-                Err(self
-                    .error(format!("several columns could be the {}: name one with {}", sought.what, sought.option)))
+                let three =
+                    if sought.dimension == Dimension::Force { ", or three with --force-columns X,Y,Z" } else { "" };
+                let (what, option) = (sought.what, sought.option);
+                Err(self.error(format!("several columns could be the {what}: name one with {option}{three}")))
             }
         }
     }

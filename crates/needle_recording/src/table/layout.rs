@@ -21,6 +21,25 @@ const ROWS: usize = 3;
 const JUDGED: usize = 64;
 /// Separators that are tried; of two that fit equally, the first is used.
 const SEPARATORS: [char; 5] = ['\t', ';', ',', ' ', '|'];
+/// What the serial monitor of Arduino writes behind the time of day.
+const ARROW: &str = " -> ";
+/// What stands for no reading in a column of numbers, in lower case.
+const NO_READING: [&str; 14] = [
+    "nan",
+    "-nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#qnan",
+    "-1.#ind",
+    "na",
+    "n/a",
+    "#n/a",
+    "null",
+    "none",
+    "missing",
+    "-",
+    "--",
+];
 /// Beginnings of comment lines.
 const COMMENTS: [&str; 3] = ["#", "//", "%"];
 
@@ -67,6 +86,12 @@ pub(super) struct Layout {
     pub comment: Option<String>,
     /// Columns that distinguish data from other lines.
     pub numeric: Vec<usize>,
+    /// Whether an arrow separates cells too.
+    pub arrows: bool,
+    /// Places of the columns between blanks.
+    pub places: Option<Places>,
+    /// Number of cells of the nearest line above, if it names at least two quantities.
+    pub names_beside: Option<usize>,
     /// Time between rows, s, if the file states it (LabVIEW's `Delta_X`).
     pub step_s: Option<f64>,
     /// Message about a line that was found and not used.
@@ -79,18 +104,27 @@ pub(super) struct Layout {
 /// costs 20 us.
 pub(super) struct Splitter {
     separator: char,
+    /// Whether an arrow separates cells too.
+    arrows: bool,
     quoted: OnceCell<RefCell<csv_core::Reader>>,
 }
 
 impl Splitter {
-    pub(crate) fn new(separator: char) -> Self {
-        Self { separator, quoted: OnceCell::new() }
+    pub(crate) fn new(separator: char, arrows: bool) -> Self {
+        Self { separator, arrows, quoted: OnceCell::new() }
     }
 
     /// The cells of a line, in a buffer that is reused.
     pub(crate) fn split<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) {
         cells.clear();
-        if self.separator == ' ' {
+        if self.arrows
+            && let Some((stamp, rest)) = line.split_once(ARROW)
+        {
+            cells.push(stamp.trim().into());
+            let mut others = Vec::new();
+            self.split(rest, &mut others);
+            cells.append(&mut others);
+        } else if self.separator == ' ' {
             cells.extend(line.split_whitespace().map(Into::into));
         } else if line.contains(['"', '\r']) {
             cells.extend(self.quoted(line).into_iter().map(Into::into));
@@ -181,7 +215,7 @@ impl<'a> Seen<'a> {
         let mut first = 0;
         let numeric = loop {
             let rows = lines.get(first..(first + ROWS).min(lines.len())).filter(|rows| !rows.is_empty())?;
-            if let Some(numeric) = data_columns(rows) {
+            if let Some(numeric) = data_columns(rows, first.checked_sub(1).map(|above| &lines[above])) {
                 break numeric;
             }
             lines.extend(kept.get(lines.len()).map(line));
@@ -208,14 +242,17 @@ impl<'a> Seen<'a> {
 }
 
 /// Columns in which all of some rows have numbers or times; `None` unless there are two, one of them with numbers.
-fn data_columns(rows: &[Line]) -> Option<Vec<usize>> {
+/// `above`: the line above them, which may have the headers.
+fn data_columns(rows: &[Line], above: Option<&Line>) -> Option<Vec<usize>> {
     let least = rows.iter().map(|line| line.kinds.len()).min()?;
     let all = |c: usize, fits: &dyn Fn(Kind) -> bool| rows.iter().all(|line| fits(line.kind(c)));
     let columns: Vec<usize> = (0..least).filter(|&c| all(c, &Kind::is_data)).collect();
     let numbers = columns.iter().any(|&c| all(c, &|kind| kind == Kind::Number));
     // exclude lists of settings: a word and its values on each line
     let first: Vec<&String> = rows.iter().filter_map(|line| line.cells.first()).collect();
-    let settings = all(0, &|kind| kind == Kind::Text) && (rows.len() < 2 || first.windows(2).any(|w| w[0] != w[1]));
+    let named = above.is_some_and(|line| line.cells.iter().filter(|cell| names::is_known(cell)).count() > 1);
+    let settings =
+        all(0, &|kind| kind == Kind::Text) && !named && (rows.len() < 2 || first.windows(2).any(|w| w[0] != w[1]));
     (columns.len() >= 2 && numbers && !settings).then_some(columns)
 }
 
@@ -233,7 +270,8 @@ impl Layout {
             .collect();
         let separators = said.separator.map_or_else(|| SEPARATORS.to_vec(), |c| vec![c]);
         let decimals = said.decimal_comma.map_or_else(|| vec![false, true], |comma| vec![comma]);
-        let splitters: Vec<Splitter> = separators.into_iter().map(Splitter::new).collect();
+        let arrows = kept.len() >= ROWS && kept.iter().rev().take(ROWS).all(|(_, line)| line.contains(ARROW));
+        let splitters: Vec<Splitter> = separators.into_iter().map(|c| Splitter::new(c, arrows)).collect();
         let quoted = text.get(..text.len().min(4096)).unwrap_or(text).contains('"');
         let ways = splitters.iter().flat_map(|s| decimals.iter().map(move |&d| (s, d)));
         let ways = ways.filter(|&(s, d)| said.separator.is_some() || quoted || !(d && s.separator == ','));
@@ -265,12 +303,16 @@ impl Layout {
         let labview = LabView::of(lines, first_row, seen.split, seen.decimal_comma);
         let above = Above { lines, first_row, seen: &seen, columns };
         let units = units_below.then(|| seen.lines[0].cells.clone());
+        let names_beside = above.nearest_names(said.header_line);
         let (mut headers, header_text, note) = above.headers(said.header_line, units);
         if let Some(headers) = &mut headers {
             labview.add_units(headers);
         }
         let offset = lines[first_row].as_ptr() as usize - text.as_ptr() as usize;
+        let places = (seen.split.separator == ' ').then(|| Places::of(&rows, lines));
         Self {
+            arrows: seen.split.arrows,
+            places,
             separator: seen.split.separator,
             decimal_comma: seen.decimal_comma,
             headers,
@@ -280,6 +322,7 @@ impl Layout {
             columns,
             comment: said.comment.clone(),
             numeric: seen.numeric.clone(),
+            names_beside,
             step_s: labview.step_s,
             note,
             rows,
@@ -307,6 +350,24 @@ impl Layout {
         empty > 1 && empty * 10 > self.rows.len()
     }
 
+    /// Whether marks of no reading, as `NaN`, are usual in this column: as often as [`Layout::is_often_empty`] asks for.
+    pub(super) fn has_marks(&self, column: usize) -> bool {
+        let marks =
+            self.rows.iter().filter(|line| line.cells.get(column).is_some_and(|cell| is_no_reading(cell))).count();
+        marks > 1 && marks * 10 > self.rows.len()
+    }
+
+    /// Whether decimal commas stand between commas: there are more cells than names, and all of them are whole numbers.
+    pub(super) fn has_commas_twice(&self) -> bool {
+        let whole = |cell: &String| {
+            let digits = cell.trim_start_matches(['-', '+']);
+            !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit())
+        };
+        let names = self.names_beside.unwrap_or(0);
+        let is_row = |line: &Line| (names + 1..=2 * names).contains(&line.cells.len()) && line.cells.iter().all(whole);
+        self.separator == ',' && names >= 2 && self.rows.iter().take(JUDGED).all(is_row)
+    }
+
     /// Number of lines up to the end of a short table, and of bytes of its text; `None` if it goes on behind the first rows.
     pub(super) fn end(&self, text: &str) -> Option<(usize, usize)> {
         let behind = self.rows.iter().find(|line| !line.has_data(&self.numeric))?.number;
@@ -322,6 +383,69 @@ impl Layout {
     pub(crate) fn cells(&self, column: usize) -> impl Iterator<Item = &str> {
         self.rows.iter().map(move |line| line.cells.get(column).map_or("", String::as_str))
     }
+}
+
+/// Whether a cell stands for no reading.
+pub(super) fn is_no_reading(cell: &str) -> bool {
+    cell.len() < 10 && NO_READING.contains(&cell.to_lowercase().as_str())
+}
+
+/// Where the cells of a table between blanks end or begin: an empty cell of such a row leaves no mark but its place.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Places {
+    /// Number of cells of rows of numbers that are whole.
+    whole: usize,
+    /// Byte at which the cells of a column begin, and that at which they end, as far as they are the same in all of these rows. Empty if
+    /// rows are not padded with blanks: there the cells behind an empty one move up.
+    columns: Vec<[Option<usize>; 2]>,
+}
+
+impl Places {
+    fn of(rows: &[Line], lines: &[&str]) -> Self {
+        let is_data = |row: &&Line| row.kinds.iter().all(|kind| kind.is_data());
+        let whole = rows.iter().filter(is_data).map(|row| row.cells.len()).max().unwrap_or(0);
+        let (mut columns, mut padded) = (Vec::new(), false);
+        for row in rows.iter().filter(is_data).filter(|row| row.cells.len() == whole) {
+            let found: Vec<[usize; 2]> = extents(lines[row.number]).collect();
+            padded |= found.windows(2).any(|pair| pair[1][0] > pair[0][1] + 1);
+            columns.resize(whole, None);
+            for (known, new) in columns.iter_mut().zip(found) {
+                let known = known.get_or_insert(new.map(Some));
+                known.iter_mut().zip(new).for_each(|(known, new)| *known = known.filter(|place| *place == new));
+            }
+        }
+        let mut columns: Vec<[Option<usize>; 2]> = columns.into_iter().flatten().collect();
+        let all = [0, 1].map(|side| columns.iter().all(|place| place[side].is_some()));
+        columns.iter_mut().for_each(|place| (0..2).filter(|side| !all[*side]).for_each(|side| place[side] = None));
+        columns.retain(|_| padded && all.contains(&true));
+        Self { whole, columns }
+    }
+
+    /// Puts the cells of a row that has fewer of them into their columns. False if they can't be told apart.
+    pub(super) fn put<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) -> bool {
+        if cells.len() >= self.whole {
+            return true;
+        }
+        let (mut row, mut from) = (Vec::with_capacity(self.whole), 0);
+        for ([begin, end], cell) in extents(line).zip(cells.iter()) {
+            let fits = |place: &[Option<usize>; 2]| place[0] == Some(begin) || place[1] == Some(end);
+            let Some(at) = self.columns.iter().skip(from).position(fits) else { return false };
+            row.extend(std::iter::repeat_n("".into(), at));
+            row.push(cell.clone());
+            from += at + 1;
+        }
+        row.resize(self.whole, "".into());
+        *cells = row;
+        true
+    }
+}
+
+/// First byte of each word of a line, and the byte behind it.
+fn extents(line: &str) -> impl Iterator<Item = [usize; 2]> {
+    line.split_whitespace().map(move |word| {
+        let begin = word.as_ptr() as usize - line.as_ptr() as usize;
+        [begin, begin + word.len()]
+    })
 }
 
 /// The lines above the data.
@@ -407,6 +531,16 @@ impl Above<'_> {
         }
         let text = text.lines().last().unwrap_or_default().trim().to_owned();
         (Some(units.map_or(names.clone(), |units| with_units(&names, &units))), Some(text), None)
+    }
+
+    /// Number of cells of the nearest line above the data, or of the line that the user gave, if it names at least two quantities.
+    fn nearest_names(&self, said: Option<usize>) -> Option<usize> {
+        let line = match said {
+            Some(line) => (*self.lines.get(line.checked_sub(1)?)?).to_owned(),
+            None => self.next_above(self.first_row)?.1,
+        };
+        let names = self.split(&line);
+        (names.iter().filter(|name| names::is_known(name)).count() >= 2).then_some(names.len())
     }
 
     /// The nearest line above another that may be one of headers, and its text. A cell in quotation marks may go over several lines.
@@ -498,7 +632,7 @@ mod tests {
 
     #[test]
     fn cells_in_quotation_marks_are_split_as_others() {
-        let split = Splitter::new(',');
+        let split = Splitter::new(',', false);
         for _ in 0..2 {
             for (line, cells) in [
                 ("0.0, 1.5,-2", &["0.0", "1.5", "-2"][..]),

@@ -9,8 +9,10 @@ mod error;
 mod layout;
 mod names;
 mod number;
+mod records;
 mod row;
 mod rows;
+mod sheets;
 mod source;
 mod survey;
 mod text;
@@ -163,6 +165,11 @@ impl<'a> Blocks<'a> {
     /// A table of which no row was taken yet.
     fn table(&mut self, layout: &Layout, line: usize) -> Result<Table, TableError> {
         let finder = Finder { file: &self.file, layout };
+        if layout.has_commas_twice() {
+            let reason = "its cells are between commas, and its numbers have decimal commas as well, so they can't be told apart: \
+                          export it with semicolons or tabs between cells, or with decimal points";
+            return Err(finder.error(reason.to_owned()));
+        }
         let columns = finder.find(self.said, self.file_number)?;
         let gone = columns::named(self.said).into_iter().filter_map(|(option, name)| match finder.named(name) {
             Ok(Some(_)) => None,
@@ -171,7 +178,11 @@ impl<'a> Blocks<'a> {
         });
         let rate_hz = self.said.rate_hz.or_else(|| layout.step_s.map(|step| step.recip()));
         let left = finder.forces_left(&columns);
-        let notes = self.source.notes.drain(..).chain(layout.note.clone()).chain(left);
+        let marks = columns.indices().into_iter().filter(|&c| layout.has_marks(c)).map(|c| {
+            let mark = layout.cells(c).find(|cell| layout::is_no_reading(cell)).unwrap_or_default();
+            format!("`{mark}` in column {} is taken for no reading", c + 1)
+        });
+        let notes = self.source.notes.drain(..).chain(layout.note.clone()).chain(left).chain(marks);
         Ok(Table {
             layout: self.source.what.clone() + &describe(layout, line),
             all_columns: finder.describe(),
@@ -180,6 +191,8 @@ impl<'a> Blocks<'a> {
             rate_hz: rate_hz.filter(|_| columns.time.is_none()),
             file: self.file.clone(),
             columns,
+            bad: std::mem::take(&mut self.source.bad),
+            first_bad: self.source.first_bad.take(),
             survey: self.surveyed.then(Survey::default),
             waiting: self.streamed.then(VecDeque::new),
             thin: [Thin::to(self.said.most_readings); 4],

@@ -20,6 +20,8 @@ pub(super) const TIME: Words = Words {
         "datetime",
         "x_value",
         "seconds",
+        "millis",
+        "micros",
         "zeit",
         "zeitstempel",
         "sekunden",

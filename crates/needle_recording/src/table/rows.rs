@@ -24,6 +24,8 @@ const LONGEST_S: f64 = 9e9;
 const AGAIN_NS: i64 = 1_000_000_000;
 /// Most rows that wait for earlier ones: 12 MB.
 const MOST_WAITING: usize = 1 << 16;
+/// Behind headers that stand again the recording goes on after at most so many of its longest steps.
+const PAUSE: i64 = 10;
 const HALF_A_DAY_NS: i64 = 43_200_000_000_000;
 
 /// Lines without data, with the bad rows among them: the end of a recording or of the file, or a loss.
@@ -35,14 +37,22 @@ struct Gap {
     rows: Vec<Row>,
     bad: u64,
     first_bad: Option<String>,
+    /// Number of these rows that have numbers, and the first of them.
+    numbers: u64,
+    first_number: Option<String>,
     /// Whether it repeats the headers.
     headers: bool,
 }
+
+/// What is said of headers that stand again.
+const PAGES: &str = ", and time goes on: the pages are taken for one recording";
 
 /// Cells of one row.
 struct Cells<'a> {
     cells: &'a [Cow<'a, str>],
     comma: bool,
+    /// Columns in which marks of no reading are usual.
+    marked: &'a [usize],
 }
 
 impl Cells<'_> {
@@ -50,10 +60,16 @@ impl Cells<'_> {
         self.cells.get(index).map_or("", |cell| cell.as_ref())
     }
 
+    /// Whether the cell is empty, or stands for no reading where that is usual.
+    fn is_blank(&self, column: &Column) -> bool {
+        let cell = self.text(column.index);
+        cell.is_empty() || self.marked.contains(&column.index) && layout::is_no_reading(cell)
+    }
+
     /// The number in SI; `None` for an empty cell.
     fn value(&self, column: &Column) -> Result<Option<f64>, ()> {
         let cell = self.text(column.index);
-        if cell.is_empty() {
+        if self.is_blank(column) {
             return Ok(None);
         }
         let own_unit = || measure(cell).filter(|(_, unit)| *unit == column.unit);
@@ -123,7 +139,9 @@ impl Cells<'_> {
         if let Some(column) = &columns.force {
             row.force_n = self.value(column)?.map(|force_n| [0.0, 0.0, force_n]);
         }
-        if let Some([x, y, z]) = &columns.forces {
+        // a row without any of the components has no reading; one with a NaN for each has one that is none
+        let felt = |axes: &&[Column; 3]| !axes.iter().all(|axis| self.is_blank(axis));
+        if let Some([x, y, z]) = columns.forces.as_ref().filter(felt) {
             row.force_n = Some([self.component(x)?, self.component(y)?, self.component(z)?]);
         }
         if let Some(pose) = &columns.pose {
@@ -151,6 +169,8 @@ pub(super) struct Taking {
     split: Splitter,
     /// Number of cells below which a row was cut off.
     least: usize,
+    /// Columns in which marks of no reading are usual.
+    marked: Vec<usize>,
     rate_hz: Option<f64>,
     /// Lines so far, from the beginning of the file.
     number: usize,
@@ -158,8 +178,9 @@ pub(super) struct Taking {
     /// Whether the line before was blank.
     blank: bool,
     clock: Unrolled,
-    /// First stamp, and whether one jumped ahead since.
+    /// First stamp, the longest step from one to the next so far, ns, and whether one jumped ahead.
     first: Option<i64>,
+    longest: i64,
     leapt: bool,
     /// Rows so far.
     passed: u64,
@@ -182,15 +203,17 @@ impl Taking {
         text.skip(layout.offset);
         let needed = table.columns.indices().into_iter().filter(|column| !layout.is_often_empty(*column));
         Self {
+            marked: table.columns.indices().into_iter().filter(|column| layout.has_marks(*column)).collect(),
             least: needed.max().filter(|_| text.is_file).map_or(0, |last| last + 1),
             columns: table.columns.clone(),
-            split: Splitter::new(layout.separator),
+            split: Splitter::new(layout.separator, layout.arrows),
             rate_hz: table.rate_hz,
             number,
             gap: None,
             blank: false,
             clock: Unrolled { of_day, ..Unrolled::default() },
             first: None,
+            longest: 0,
             leapt: false,
             passed: 0,
         }
@@ -219,9 +242,10 @@ impl Taking {
                 // the file ends behind a separator: the cell was to come
                 cells.pop();
             }
-            let of = Cells { cells: &cells, comma: layout.decimal_comma };
             // the last cell of a row that was cut off may be a part of one
-            let cut = cells.len() < self.least;
+            let cut =
+                !layout.places.as_ref().is_none_or(|places| places.put(raw, &mut cells)) || cells.len() < self.least;
+            let of = Cells { cells: &cells, comma: layout.decimal_comma, marked: &self.marked };
             let mut row = match cut {
                 true => Row { bad: true, ..Row::default() },
                 false => of.row(&self.columns, self.rate_hz.map(|hz| self.passed as f64 / hz)),
@@ -233,14 +257,19 @@ impl Taking {
                 !layout.numeric.iter().any(data)
             };
             if !row.bad {
-                if self.gap.as_ref().map_or(self.blank && back, |gap| gap.headers || back) {
+                // headers stand again on each page of a print
+                let step = row.stamp.zip(self.clock.last).map_or(0, |(now, last)| now.saturating_sub(last));
+                let goes_on = (1..=self.longest.saturating_mul(PAUSE)).contains(&step);
+                if self.gap.as_ref().map_or(self.blank && back, |gap| gap.headers && !goes_on || back) {
                     let (mut again, next) =
                         self.gap.take().map_or_else(|| (whole.to_owned(), place[1]), |gap| (gap.text, gap.line));
                     again.push_str(&piece[byte..]);
                     text.put_back(again);
                     return Ok(Taken::End(Some(next)));
                 }
-                if let Some(gap) = self.gap.take() {
+                if let Some(gap) = self.gap.take_if(|gap| gap.headers) {
+                    table.turn_page(gap);
+                } else if let Some(gap) = self.gap.take() {
                     table.lose(gap);
                 } else if back
                     && !self.leapt
@@ -254,6 +283,7 @@ impl Taking {
                 }
                 self.leapt |=
                     row.stamp.zip(self.clock.last).is_some_and(|(now, last)| now.saturating_sub(last) > AGAIN_NS);
+                self.longest = self.longest.max(step);
                 self.first = self.first.or(row.stamp);
                 self.clock.last = row.stamp.or(self.clock.last);
                 table.add(row);
@@ -263,6 +293,10 @@ impl Taking {
                 gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
                 gap.bad += 1;
                 gap.first_bad.get_or_insert_with(|| shown(self.number, &cells, cut));
+                if !words {
+                    gap.numbers += 1;
+                    gap.first_number.get_or_insert_with(|| shown(self.number, &cells, cut));
+                }
                 gap.rows.push(row);
             } else {
                 table.bad += 1;
@@ -302,6 +336,17 @@ impl Taking {
 }
 
 impl Table {
+    /// Headers and titles between two pages are no rows; rows of numbers among them are lost as elsewhere.
+    fn turn_page(&mut self, gap: Gap) {
+        let said = |warning: &String| warning.ends_with(PAGES);
+        if !self.warnings.iter().any(said) {
+            self.warnings.push(format!("{}: the headers stand again on line {}{PAGES}", self.file, gap.line + 1));
+        }
+        let mut rows = gap.rows;
+        rows.retain(|row| row.stamp.is_some());
+        self.lose(Gap { bad: gap.numbers, first_bad: gap.first_number, rows, ..Gap::default() });
+    }
+
     fn lose(&mut self, gap: Gap) {
         self.bad += gap.bad;
         self.rows += gap.rows.len() as u64;

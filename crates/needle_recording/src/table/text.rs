@@ -71,6 +71,10 @@ impl Text {
             self.text = self.text.trim_start_matches('\u{feff}').to_owned();
             self.returns = self.text.contains('\r') && !self.text.contains('\n');
         }
+        if self.text.contains('\0') {
+            // a disk that lost its power
+            self.text.retain(|c| c != '\0');
+        }
         if self.returns {
             self.text = self.text.replace('\r', "\n");
         }

@@ -10,7 +10,7 @@ use calamine::{DataRef, ExcelDateTime, Reader as _, Xlsx};
 use chrono::{Datelike as _, NaiveDate, NaiveDateTime, NaiveTime, TimeDelta};
 
 use super::super::TableLayout;
-use super::layout::{LOOKED_AT, Layout};
+use super::sheets::{Sheet, choose, plain};
 
 /// A sheet of more text is not taken.
 const MOST_BYTES: usize = 1 << 30;
@@ -18,14 +18,6 @@ const MOST_BYTES: usize = 1 << 30;
 const WHOLE: f64 = 1e15;
 
 type Workbook = Xlsx<Cursor<Vec<u8>>>;
-
-/// A sheet as text.
-pub(super) struct Sheet {
-    pub name: String,
-    pub text: String,
-    /// What of the workbook is left out.
-    pub notes: Vec<String>,
-}
 
 /// The sheet that was named, or the first with rows of numbers.
 ///
@@ -35,37 +27,7 @@ pub(super) fn read(bytes: Vec<u8>, said: &TableLayout) -> Result<Sheet, String> 
     let mut book: Workbook = Xlsx::new(Cursor::new(bytes))
         .map_err(|e| format!("the workbook can't be opened ({e}): save it as .xlsx without a password, or as CSV"))?;
     let names = book.sheet_names();
-    let quoted = |names: &[String]| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
-    let layout = TableLayout { separator: Some('\t'), block: None, ..said.clone() };
-    let mut is_table = |name: &String| {
-        let head = text(&mut book, name, LOOKED_AT + 1);
-        head.is_ok_and(|head| Layout::of(&head, &layout, LOOKED_AT).is_some_and(|layout| layout.has_rows()))
-    };
-    let (name, others) = match &said.sheet {
-        Some(wanted) => {
-            let found = names.iter().find(|name| *name == wanted);
-            let found = found.or_else(|| names.iter().find(|name| name.eq_ignore_ascii_case(wanted.trim())));
-            (
-                found.ok_or_else(|| format!("--sheet {wanted}: it has no such sheet, but {}", quoted(&names)))?,
-                Vec::new(),
-            )
-        }
-        None => {
-            let mut tables = names.iter().filter(|name| is_table(name));
-            let first = tables.next();
-            let missing = || {
-                format!(
-                    "no sheet has rows of numbers in its first {LOOKED_AT} rows (sheets: {}): name one with --sheet, and the row of its \
-                     headers with --header-line",
-                    quoted(&names)
-                )
-            };
-            (first.ok_or_else(missing)?, tables.cloned().collect::<Vec<String>>())
-        }
-    };
-    let text = text(&mut book, name, usize::MAX)?;
-    let note = format!("sheet `{name}` is taken; {} hold numbers as well: --sheet takes another", quoted(&others));
-    Ok(Sheet { name: name.clone(), text, notes: Some(note).filter(|_| !others.is_empty()).into_iter().collect() })
+    choose(&names, said, |name, rows| text(&mut book, name, rows))
 }
 
 /// The first rows of a sheet.
@@ -117,12 +79,6 @@ fn write(cell: &DataRef, out: &mut String) {
         DataRef::Error(error) => write!(out, "error {error}"),
         DataRef::Empty => Ok(()),
     };
-}
-
-/// A text as one cell.
-fn plain(text: &str) -> String {
-    let text = text.replace(['\t', '\n', '\r'], " ");
-    if text.contains('"') { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
 /// Date and time of day; a time of day where it is less than a day, and of a duration, which goes on past midnight.

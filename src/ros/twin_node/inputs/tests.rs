@@ -37,7 +37,7 @@ fn what_is_no_pose_is_refused_and_counted() {
     intake.joint_state(&joint(10, 0, &["insertion"], &[f64::NAN]), from(1));
     intake.joint_state(&joint(10, 0, &["elbow"], &[0.1]), from(1));
     intake.joint_state(&joint(10, 0, &["insertion"], &[]), from(1));
-    intake.pose_stamped(&PoseStamped::default(), from(1));
+    intake.pose_stamped(&PoseStamped::default().held(), from(1));
     intake.joint_state(&joint(i32::MAX, 0, &["insertion"], &[0.001]), from(1));
     let live = shared.lock();
     assert_eq!((live.rejected, live.received), (5, 0));
@@ -97,7 +97,7 @@ fn live(message: &Message) -> Result<Where, String> {
         let mut intake = Intake::new("sample", &shared, &inbox);
         match message {
             Message::Joint(m) => intake.joint_state(m, from(1)),
-            Message::Pose(m) => intake.pose_stamped(m, from(1)),
+            Message::Pose(m) => intake.pose_stamped(&m.clone().held(), from(1)),
         }
     });
     if shared.lock().rejected == 0 {
