@@ -15,6 +15,8 @@ pub(super) struct Zigzag {
     pub jumps: usize,
     /// Middle one of their distances.
     pub apart: f64,
+    /// The same over the range of all axes.
+    pub share: f64,
 }
 
 impl Zigzag {
@@ -25,11 +27,11 @@ impl Zigzag {
             most - values.iter().copied().fold(f64::INFINITY, f64::min)
         };
         let range = axes.iter().map(range).fold(0.0, f64::max);
-        axes.iter().find_map(|values| Self::of(values, least.max(SHARE_OF_RANGE * range)))
+        axes.iter().find_map(|values| Self::of(values, least.max(SHARE_OF_RANGE * range), range))
     }
 
     /// `None` if the readings have one course. Noise has none of such jumps: they are compared with the change over two readings.
-    fn of(values: &[f64], least: f64) -> Option<Self> {
+    fn of(values: &[f64], least: f64, range: f64) -> Option<Self> {
         let mut over_two: Vec<f64> = values.windows(3).map(|w| (w[2] - w[0]).abs()).collect();
         let middle = over_two.len() / 2;
         if over_two.is_empty() {
@@ -51,7 +53,7 @@ impl Zigzag {
         }
         let middle = jumps.len() / 2;
         let apart = *jumps.select_nth_unstable_by(middle, f64::total_cmp).1;
-        Some(Self { jumps: jumps.len(), apart })
+        Some(Self { jumps: jumps.len(), apart, share: apart / range })
     }
 }
 

@@ -69,7 +69,9 @@ impl Solver {
             }
             if let Some(modes) = self.model.modes.as_ref().filter(|_| control.light) {
                 // the sample is taken anew below
-                u.iter_mut().zip(&moving.u).for_each(|(before, now)| (0..3).for_each(|k| before[k] = now[k] - before[k]));
+                u.iter_mut()
+                    .zip(&moving.u)
+                    .for_each(|(before, now)| (0..3).for_each(|k| before[k] = now[k] - before[k]));
                 inertia -= moving.mass_factor * modes.inertia_saved(u, &control.mass, moving, constraints);
             }
             let share = (stiffness / inertia).max(0.0).sqrt() / slowest;

@@ -40,8 +40,8 @@ const MARGIN: f64 = 1.05;
 /// Difference of a mode's Rayleigh quotient from what the polynomial says of it, up to which the mode was found.
 const FOUND: f64 = 0.05;
 
-/// phi_k of one node: its radial and its axial part, for each k.
-type Shape = [[f64; MODES]; 2];
+/// phi_k of one node: its radial and its axial part, for each k. In single precision, which every member of an ensemble has its own of; P is as symmetric.
+type Shape = [[f32; MODES]; 2];
 
 /// Modes and what they gain.
 #[derive(Debug, Clone)]
@@ -57,14 +57,14 @@ pub(super) struct SlowModes {
 #[inline]
 fn add_work(sums: &mut [f64; MODES], shape: &Shape, [radial, axial]: [f64; 2]) {
     for k in 0..MODES {
-        sums[k] += shape[0][k] * radial + shape[1][k] * axial;
+        sums[k] += f64::from(shape[0][k]) * radial + f64::from(shape[1][k]) * axial;
     }
 }
 
 /// sum_k a_k phi_k of one node.
 #[inline]
 fn moved(shape: &Shape, a: &[f64; MODES]) -> [f64; 2] {
-    shape.each_ref().map(|shape| (0..MODES).map(|k| a[k] * shape[k]).sum())
+    shape.each_ref().map(|shape| (0..MODES).map(|k| a[k] * f64::from(shape[k])).sum())
 }
 
 /// Whether a node moves as free tissue does.
@@ -122,7 +122,8 @@ impl SlowModes {
     /// v . (M - P^-1) v, by the formula of Sherman, Morrison and Woodbury for modes of these masses. Those are without their common factor.
     pub(super) fn inertia_saved(&self, v: &[[f64; 3]], mass: &[f64], moving: &Moving, held: &Constraints) -> f64 {
         let mut sums = [0.0; MODES];
-        let add = |sums: &mut [f64; MODES], n: usize, v: [f64; 2]| add_work(sums, &self.shapes[n], v.map(|v| mass[n] * v));
+        let add =
+            |sums: &mut [f64; MODES], n: usize, v: [f64; 2]| add_work(sums, &self.shapes[n], v.map(|v| mass[n] * v));
         for n in (0..v.len()).filter(|&n| is_free(held.role[n], &moving.touch[n])) {
             add(&mut sums, n, [v[n][0], v[n][2]]);
         }
@@ -269,7 +270,9 @@ fn slowest(
     let size = basis.len().min(STEPS);
     let eigen = SymmetricEigen::new(projected.view((0, 0), (size, size)).into_owned());
     let mut found = Vec::new();
-    for (value, shares) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(value, _)| **value > 1.0) {
+    for (value, shares) in
+        eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(value, _)| **value > 1.0)
+    {
         let vector: DVector<f64> = basis.iter().zip(shares.iter()).map(|(own, share)| own * *share).sum();
         let quotient = vector.dot(&apply(&vector)) / vector.norm_squared();
         let told = middle - half * (value.acosh() / DEGREE as f64).cosh();
@@ -302,7 +305,7 @@ impl Model {
         for (k, (lambda, y)) in found.iter().take(MODES).enumerate() {
             modes.gains[k] = next * next / lambda - 1.0;
             for (n, (shape, root)) in modes.shapes.iter_mut().zip(&space.root).enumerate() {
-                (shape[0][k], shape[1][k]) = (y[2 * n] / root, y[2 * n + 1] / root);
+                (shape[0][k], shape[1][k]) = ((y[2 * n] / root) as f32, (y[2 * n + 1] / root) as f32);
             }
         }
         (self.rest.control.light, self.rest.control.faster) = (true, modes.faster);

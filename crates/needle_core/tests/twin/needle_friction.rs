@@ -60,7 +60,9 @@ fn an_embedded_needle_is_held_as_the_reference_has_it() {
         }
     }
     below.sort_by(|a, b| b.total_cmp(a));
-    println!("largest error: force {force:.4} of the plateau, displacement beside {beside:.4}, below the tip {below:.4?}");
+    println!(
+        "largest error: force {force:.4} of the plateau, displacement beside {beside:.4}, below the tip {below:.4?}"
+    );
     assert!(force < 0.02 && beside < 0.02, "{force} {beside}");
     // largest where the last of the shaft begins to slip: one pose in a few micrometres in which the tip goes on
     assert!(below[0] < 0.035 && below[1] < 0.02, "{below:?}");
