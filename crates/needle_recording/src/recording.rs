@@ -267,7 +267,9 @@ impl Recording {
                 );
                 if what == "forces" && share < HUM {
                     let name = &bag.topics()[topic].name;
-                    reading.warnings.push(format!("{name}: {reason}. Hum at half of the rate of readings looks the same"));
+                    reading
+                        .warnings
+                        .push(format!("{name}: {reason}. Hum at half of the rate of readings looks the same"));
                     continue;
                 }
                 return Err(topic_error(bag, &bag.topics()[topic], reason).into());

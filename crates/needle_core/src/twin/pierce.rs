@@ -6,14 +6,14 @@ use mtled::solver::Balance;
 use super::{Halt, Phase, Twin};
 
 /// Longest stride in radii of the needle, at any rate of poses: the front and the shaft's length are brought up to date between two, and
-/// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
+/// what slips and cuts depends on it. A jump is made in no more than so many, until they are five times as long.
 const STRIDE: f64 = 0.005;
 /// The same in space: R/2 between layers, and not R/8 as at a membrane of a half plane. With 0.0025 a pose of 5 um takes four steps for nothing
 /// (`docs/lab/friction.md`).
 const STRIDE_IN_SPACE: f64 = 0.01;
 const STRIDES: f64 = 40.0;
 /// Strides for which the most steps of a pose are meant: those of 10 um with the preset's needle. A longer way may pass several membranes.
-pub(super) const STRIDES_OF_A_POSE: u32 = 8;
+pub(super) const STRIDES_OF_A_POSE: u32 = 4;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 512;
@@ -22,10 +22,9 @@ const ADAPT: u32 = 4;
 
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64, in_space: bool) -> f64 {
-    // a pose that is as long but for round-off is one stride: with two now and then there are a tenth more steps. In a half plane fewer strides
-    // cost more steps (docs/lab/friction.md)
+    // a pose that is as long but for round-off is one stride: with two now and then there are a tenth more steps
     let shortest = if in_space { STRIDE_IN_SPACE } else { STRIDE } * (1.0 + 1e-6) * radius;
-    (length / STRIDES).clamp(shortest, 0.025 * radius)
+    (length / STRIDES).clamp(shortest, 5.0 * STRIDE * radius)
 }
 
 impl Twin {
