@@ -408,6 +408,12 @@ const BAGS: &[Case] = &[
     case(15, "replay @/standing", 1, &["/measured_js", "two nodes publish it"]),
     case(15, "replay @/two_alike", 0, &["1200 answered", "the model explains"]),
     case(15, "replay @/two_cells", 1, &["/measured_cf", "its forces jump to and fro", "two nodes publish it"]),
+    case(
+        15,
+        "replay @/hum",
+        0,
+        &["/measured_cf", "its forces jump to and fro", "Hum at half of the rate", "the model explains"],
+    ),
     case(12, "replay @/no_force", 3, &["/measured_cf", "has no message", "nothing to compare", "QoS"]),
     case(
         12,

@@ -244,7 +244,7 @@ fn poses_in_millimetres_are_said() {
 
 /// A tracker has all its tools on one topic: that of the tip is named, and the others are no loss (row 16 of issue 59).
 #[test]
-fn several_tools_on_one_topic_are_said_and_told_apart() {
+fn several_tools_on_one_topic_are_named() {
     const HEIGHT_M: f64 = 0.017;
     let kind = "geometry_msgs/msg/TransformStamped";
     let named = ["-p", "joint_name:=tip"];

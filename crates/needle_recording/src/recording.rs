@@ -254,18 +254,17 @@ impl Recording {
             forces: ordered(forces, base, losses, warnings),
             markers: ordered(markers, base, losses, warnings),
         };
-        for (topic, series, what) in [
-            (joint_state, stamped.zigzag(0), "depths"),
-            (pose, stamped.zigzag(1), "positions"),
-            (wrench, stamped.zigzag(2), "forces"),
+        for (topic, series, what, unit, hum) in [
+            (joint_state, stamped.zigzag(0), "depths", "m", 0.0),
+            (pose, stamped.zigzag(1), "positions", "m", 0.0),
+            (wrench, stamped.zigzag(2), "forces", "N", HUM),
         ] {
             if let Some((topic, Zigzag { jumps, apart, share })) = topic.zip(series) {
-                let unit = if what == "forces" { "N" } else { "m" };
                 let reason = format!(
                     "its {what} jump to and fro between two courses some {apart:.6} {unit} apart ({jumps} times), as if two nodes publish \
                      it: record one of them alone, or remap the topic of the other"
                 );
-                if what == "forces" && share < HUM {
+                if share < hum {
                     let name = &bag.topics()[topic].name;
                     reading
                         .warnings

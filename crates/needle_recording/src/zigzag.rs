@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn two_courses_are_told_from_noise() {
+    fn noise_is_not_two_courses() {
         let of = |values: &[f64]| Zigzag::of_axes(&[values.to_vec()], 5e-6);
         let one = |noise: f64| (0..600).map(|i| press(i, noise)).collect::<Vec<_>>();
         for noise in [0.0, 1e-6, 1e-4, 1e-3] {

@@ -186,6 +186,7 @@ fn bags(folder: &Path) {
     write("standing", &Press { other_depth: Some(&|_| 0.0), ..plain });
     write("two_alike", &Press { other_depth: Some(&|d| d), ..plain });
     write("two_cells", &Press { other_force: Some(&|f| 0.5 * f + 0.2), ..plain });
+    write("hum", &Press { other_force: Some(&|f| f + 0.03), ..plain });
     write("no_force", &Press { has_force: false, ..plain });
     tree(&folder.join("tree"));
     write("clock_set_back", &Press { stamp: &|t| if t < 3.0 { t } else { t - 2.05 }, ..plain });

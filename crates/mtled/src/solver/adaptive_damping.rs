@@ -56,6 +56,7 @@ impl Solver {
     /// Adapts the damping to the frequency of tissue that comes to rest, between two advances at the same pose.
     pub fn adapt_damping(&mut self) {
         let slowest = self.slowest();
+        let modes = self.model.light_modes(&self.state.control);
         let State { moving, control, constraints, .. } = &mut self.state;
         let (damping, mass) = (&mut control.damping, &control.mass);
         let Sample { u, f } = &mut self.work.sample;
@@ -67,12 +68,12 @@ impl Solver {
                 stiffness += dot(moved, changed);
                 inertia += mass[n] * moving.mass_factor * dot(moved, moved);
             }
-            if let Some(modes) = self.model.modes.as_ref().filter(|_| control.light) {
+            if let Some(modes) = modes {
                 // the sample is taken anew below
                 u.iter_mut()
                     .zip(&moving.u)
                     .for_each(|(before, now)| (0..3).for_each(|k| before[k] = now[k] - before[k]));
-                inertia -= moving.mass_factor * modes.inertia_saved(u, &control.mass, moving, constraints);
+                inertia -= moving.mass_factor * modes.inertia_saved(u, mass, moving, constraints);
             }
             let share = (stiffness / inertia).max(0.0).sqrt() / slowest;
             if share.is_finite() {

@@ -80,54 +80,63 @@ fn slipping<'a>(drag: &'a Drag, slip: &'a Slip) -> impl Iterator<Item = (usize, 
 }
 
 impl SlowModes {
-    /// phi_k . v over what is free, less the rod's load if `v` is the internal force.
-    fn work(&self, v: &[[f64; 3]], load: Option<&[f64]>, moving: &Moving, held: &Constraints) -> [f64; MODES] {
+    /// phi_k . v over what is free: `free` is v of a node, radial and axial, and `slips` its axial part at a place and a node of the rod's layers.
+    fn work(
+        &self,
+        moving: &Moving,
+        held: &Constraints,
+        free: impl Fn(usize) -> [f64; 2],
+        slips: impl Fn(usize, usize) -> f64,
+    ) -> [f64; MODES] {
         let mut sums = [0.0; MODES];
-        for (n, (v, shape)) in v.iter().zip(&self.shapes).enumerate() {
+        for (n, shape) in self.shapes.iter().enumerate() {
             if is_free(held.role[n], &moving.touch[n]) {
-                add_work(&mut sums, shape, [v[0], v[2]]);
+                add_work(&mut sums, shape, free(n));
             }
         }
-        let axis = &held.drag.axis;
         for (p, n) in slipping(&held.drag, &moving.slip) {
-            let along = dot(v[n], *axis) - load.map_or(0.0, |load| load[p]);
-            add_work(&mut sums, &self.shapes[n], [0.0, along * axis[2]]);
+            add_work(&mut sums, &self.shapes[n], [0.0, slips(p, n)]);
         }
         sums
     }
 
+    /// Calls `go` with node, axis and sum_k a_k phi_k of all that is free.
+    fn move_all(
+        &self,
+        a: &[f64; MODES],
+        (touch, slip, held): (&[Touch], &Slip, &Constraints),
+        mut go: impl FnMut(usize, usize, f64),
+    ) {
+        for (n, shape) in self.shapes.iter().enumerate() {
+            if is_free(held.role[n], &touch[n]) {
+                let [radial, axial] = moved(shape, a);
+                go(n, 0, radial);
+                go(n, 2, axial);
+            }
+        }
+        slipping(&held.drag, slip).for_each(|(_, n)| go(n, 2, moved(&self.shapes[n], a)[1]));
+    }
+
     /// Adds to a step what it is with P more than with M^-1.
     pub(super) fn step(&self, moving: &mut Moving, held: &Constraints, rule: &Rule) {
-        let mut ways = self.work(&moving.f, Some(&moving.slip.load), moving, held);
+        let down = held.drag.axis[2];
+        let (f, load) = (&moving.f, &moving.slip.load);
+        let mut ways = self.work(moving, held, |n| [f[n][0], f[n][2]], |p, n| f[n][2] - load[p] * down);
         ways.iter_mut().zip(&self.gains).for_each(|(way, gain)| *way *= -gain / rule.mass_factor);
         // the tangent motion learns a share of each deviation, and the instrument of a half plane moves along its axis alone
         let lesson = if rule.travel[2] == 0.0 { 0.0 } else { rule.learn * rule.gain[2] };
         let left = 1.0 - lesson * rule.travel[2];
         let Moving { u, q, tangent: Tangent([_, _, tangent]), touch, slip, .. } = moving;
-        let mut go = |n: usize, k: usize, way: f64| {
+        self.move_all(&ways, (touch, slip, held), |n, k, way| {
             u[n][k] += way;
             q[n][k] += left * way;
             tangent[n][k] += lesson * way;
-        };
-        for (n, shape) in self.shapes.iter().enumerate() {
-            if is_free(held.role[n], &touch[n]) {
-                let [radial, axial] = moved(shape, &ways);
-                go(n, 0, radial);
-                go(n, 2, axial);
-            }
-        }
-        slipping(&held.drag, slip).for_each(|(_, n)| go(n, 2, moved(&self.shapes[n], &ways)[1]));
+        });
     }
 
     /// v . (M - P^-1) v, by the formula of Sherman, Morrison and Woodbury for modes of these masses. Those are without their common factor.
     pub(super) fn inertia_saved(&self, v: &[[f64; 3]], mass: &[f64], moving: &Moving, held: &Constraints) -> f64 {
-        let mut sums = [0.0; MODES];
-        let add =
-            |sums: &mut [f64; MODES], n: usize, v: [f64; 2]| add_work(sums, &self.shapes[n], v.map(|v| mass[n] * v));
-        for n in (0..v.len()).filter(|&n| is_free(held.role[n], &moving.touch[n])) {
-            add(&mut sums, n, [v[n][0], v[n][2]]);
-        }
-        slipping(&held.drag, &moving.slip).for_each(|(_, n)| add(&mut sums, n, [0.0, v[n][2]]));
+        let sums = self.work(moving, held, |n| [mass[n] * v[n][0], mass[n] * v[n][2]], |_, n| mass[n] * v[n][2]);
         sums.iter().zip(&self.gains).map(|(sum, gain)| gain / (1.0 + gain) * sum * sum).sum()
     }
 
@@ -142,19 +151,20 @@ impl SlowModes {
             }
             probe[n] = force.map(|force| force / mass[n]);
         }
-        let mut ways = self.work(image, None, moving, constraints);
+        let mut ways = self.work(moving, constraints, |n| [image[n][0], image[n][2]], |_, n| image[n][2]);
         ways.iter_mut().zip(&self.gains).for_each(|(way, gain)| *way *= gain);
-        for n in (0..image.len()).filter(|&n| is_free(constraints.role[n], &moving.touch[n])) {
-            let [radial, axial] = moved(&self.shapes[n], &ways);
-            (probe[n][0], probe[n][2]) = (probe[n][0] + radial, probe[n][2] + axial);
-        }
-        for (_, n) in slipping(&constraints.drag, &moving.slip) {
-            probe[n][2] += moved(&self.shapes[n], &ways)[1];
-        }
+        self.move_all(&ways, (&moving.touch, &moving.slip, constraints), |n, k, way| probe[n][k] += way);
         let down: f64 = image.iter().zip(&*probe).map(|(force, e)| dot(*force, *e)).sum();
         if up > 0.0 && (down / up).is_finite() {
             *largest = down / up;
         }
+    }
+}
+
+impl Model {
+    /// The slow modes that have less inertia in a state.
+    pub(super) fn light_modes(&self, control: &Control) -> Option<&SlowModes> {
+        self.modes.as_ref().filter(|_| control.light)
     }
 }
 
@@ -275,8 +285,8 @@ fn slowest(
     {
         let vector: DVector<f64> = basis.iter().zip(shares.iter()).map(|(own, share)| own * *share).sum();
         let quotient = vector.dot(&apply(&vector)) / vector.norm_squared();
-        let told = middle - half * (value.acosh() / DEGREE as f64).cosh();
-        if quotient > 0.0 && (quotient - told).abs() <= FOUND * told {
+        let expected = middle - half * (value.acosh() / DEGREE as f64).cosh();
+        if quotient > 0.0 && (quotient - expected).abs() <= FOUND * expected {
             found.push((quotient, vector.normalize()));
         }
     }

@@ -184,10 +184,10 @@ impl Model {
 
     /// Takes the steps from `rule.first` to `rule.last`.
     fn march(&self, state: &mut State, work: &mut Workspace, rule: &Rule) {
-        let State { moving, constraints, control: Control { mass, sums, dragged, light, .. }, points: shares } = state;
+        let modes = self.light_modes(&state.control);
+        let State { moving, constraints, control: Control { mass, sums, dragged, .. }, points: shares } = state;
         let (constraints, mass) = (&*constraints, &*mass);
         let drag = &constraints.drag;
-        let modes = self.modes.as_ref().filter(|_| *light);
         let held = |step| self.held(constraints, mass, step, rule.steps);
         let pool = &mut work.pool;
         pool.each(nodes(moving), |i, part| {
@@ -306,7 +306,7 @@ impl Model {
             k.force(points, &state.moving.memory, scratch, pool, image);
             k.node_forces(scratch, pool, image);
         });
-        match self.modes.as_ref().filter(|_| state.control.light) {
+        match self.light_modes(&state.control) {
             Some(modes) => modes.learn_largest(state, image),
             None => self.learn_largest(state, image),
         }

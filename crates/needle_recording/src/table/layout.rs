@@ -421,7 +421,7 @@ impl Places {
         Self { whole, columns }
     }
 
-    /// Puts the cells of a row that has fewer of them into their columns. False if they can't be told apart.
+    /// Puts the cells of a row that has fewer of them into their columns. False if they could be of several.
     pub(super) fn put<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) -> bool {
         if cells.len() >= self.whole {
             return true;

@@ -166,7 +166,7 @@ impl<'a> Blocks<'a> {
     fn table(&mut self, layout: &Layout, line: usize) -> Result<Table, TableError> {
         let finder = Finder { file: &self.file, layout };
         if layout.has_commas_twice() {
-            let reason = "its cells are between commas, and its numbers have decimal commas as well, so they can't be told apart: \
+            let reason = "its cells are between commas, and its numbers have decimal commas as well, so neither can be recognized: \
                           export it with semicolons or tabs between cells, or with decimal points";
             return Err(finder.error(reason.to_owned()));
         }
