@@ -45,6 +45,10 @@ const QUIET: f64 = 0.1;
 const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
+/// Least and largest change of the factor from one pose to the next; and the least for a needle with friction in space, whose front meets a layer
+/// of nodes every R/2: what that asks for need not last until the next layer.
+const BOOST: [f64; 2] = [0.9, 1.2];
+const FALL_IN_SPACE: f64 = 0.6;
 /// Steps for a way that the tissue does not go along with at once, over those that the tolerance asks for; and the largest factor for it. With
 /// 20 and 16 the first forces of an indenter at 5 mm/s were two to five times those at rest (`docs/lab/performance.md`).
 const IMPULSE: [f64; 2] = [80.0, 64.0];
@@ -60,14 +64,13 @@ const LAG_BETWEEN_REGIONS: f64 = 3.0;
 const LAG_OF_SLIP: f64 = 1.0;
 /// Where tissue slips along a needle, the force changes over the way on which slip spreads, some f/K, and not over the height; what sticks
 /// lags, and no inertia in the sum of forces tells. So the change of the force at the last pose, times this, over n omega is the error that n
-/// steps leave.
+/// steps leave. This is of half planes: in space, where the path's layers are coarser, more steps do not change the error (`docs/lab/friction.md`).
 const CHANGE_OF_SLIP: f64 = 0.9;
-/// The same in space, where the path's layers are coarser and a step costs more. There a needle with friction is judged by its largest force, and
-/// forces below that which it meets on its first radii ([`FIRST_RADII`]) as if they were as large (`docs/lab/friction.md`).
-const CHANGE_OF_SLIP_IN_SPACE: f64 = 0.2;
+/// In space, where a step costs more, a needle with friction is judged by its largest force, and forces below that which it meets on its first
+/// radii as if they were as large.
 const FIRST_RADII: f64 = 2.0;
 /// The same for the balance at the end of a pose, at most this over the largest force so far: the verdict asks for a balance over that.
-const AHEAD: f64 = 5.0;
+const AHEAD: f64 = 20.0;
 /// Imbalance that ends a pose of a needle with friction, over the scene's accuracy; kinetic over strain energy, over what [`Health`] takes.
 const SETTLED: f64 = 1.5;
 const SETTLED_ENERGIES: f64 = 0.75;
@@ -106,6 +109,8 @@ pub(super) struct Pace {
     unsettled: f64,
     /// Factor on the steps that the tolerance asks for, 1 or more.
     boost: f64,
+    /// [`BOOST`] of the scene.
+    change_of_boost: [f64; 2],
     /// [`IMPULSE`] of the scene.
     impulse: [f64; 2],
     /// [`LAG`] of the scene.
@@ -155,17 +160,14 @@ impl Pace {
             gap: 0.0,
             unsettled: 0.0,
             boost: LARGEST_BOOST,
+            change_of_boost: if in_space { [FALL_IN_SPACE, BOOST[1]] } else { BOOST },
             impulse: if slips { PARTIAL_IMPULSE } else { IMPULSE },
             lag: match slips {
                 true => LAG_OF_SLIP,
                 false if needle && in_plane && !scene.regions.is_empty() => LAG_BETWEEN_REGIONS,
                 false => LAG,
             },
-            lags_by: match (slips, in_space) {
-                (true, true) => CHANGE_OF_SLIP_IN_SPACE,
-                (true, false) => CHANGE_OF_SLIP,
-                _ => 0.0,
-            },
+            lags_by: if slips && in_plane { CHANGE_OF_SLIP } else { 0.0 },
             force: [0.0; 3],
             change: 0.0,
             usual: 0.0,
@@ -175,8 +177,8 @@ impl Pace {
     }
 
     /// Steps for a pose that is `travel` metres from the last one, `unlearnt` of them in directions that are new to the tissue, while
-    /// relaxation has changed the stress by the share `relaxed`.
-    pub fn steps(&mut self, travel: f64, unlearnt: f64, slowest: f64, relaxed: f64) -> u32 {
+    /// relaxation has changed the stress by the share `relaxed`. `slips`: tissue may slip along the instrument.
+    pub fn steps(&mut self, travel: f64, unlearnt: f64, slowest: f64, relaxed: f64, slips: bool) -> u32 {
         let s = &self.stepping;
         self.pending += relaxed;
         if travel > 0.0 {
@@ -188,7 +190,8 @@ impl Pace {
                 std::array::from_fn(|k| PARTIAL_IMPULSE[k] + part * (self.impulse[k] - PARTIAL_IMPULSE[k]));
             let boost = self.boost.max((impulse * unlearnt / (unit * wanted)).min(largest));
             let size = self.peak.max(self.force_floor).max(self.resistance);
-            let lag = self.lags_by * self.change / (self.tolerance * slowest * size);
+            let lags_by = if slips { self.lags_by } else { 0.0 };
+            let lag = lags_by * self.change / (self.tolerance * slowest * size);
             return ((boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
         if self.unsettled >= QUIET {
@@ -222,7 +225,8 @@ impl Pace {
         self.gap = error / (self.tolerance * size.max(self.force_floor));
         let motion = (balance.kinetic / balance.strain.max(self.energy_floor)).sqrt() / self.tolerance;
         self.unsettled = self.gap.max(motion).max(FADE * self.unsettled);
-        self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
+        let [least, largest] = self.change_of_boost;
+        self.boost = (self.boost * self.gap.sqrt().clamp(least, largest)).clamp(1.0, LARGEST_BOOST);
     }
 
     /// Takes over the imbalance after further steps at the same pose.
@@ -302,9 +306,9 @@ mod tests {
             let [moves, rests] =
                 [2.0, 0.5].map(|times| Balance { strain, kinetic: motion(times), ..Balance::default() });
             pace.judge(&moves, false);
-            assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0), 25, "{strain}");
+            assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0, false), 25, "{strain}");
             (0..10).for_each(|_| pace.judge(&rests, false));
-            assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0), 0, "{strain}");
+            assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0, false), 0, "{strain}");
         }
     }
 
@@ -316,7 +320,7 @@ mod tests {
         let still = Balance { instrument: [0.0, 0.0, 1e-2], ..Balance::default() };
         let mut steps = |way: f64, unlearnt: f64| {
             (0..60).for_each(|_| pace.judge(&still, true));
-            pace.steps(way, unlearnt, slowest, 0.0)
+            pace.steps(way, unlearnt, slowest, 0.0, false)
         };
         assert_eq!(steps(5e-6, 0.0), 1);
         assert_eq!(steps(5e-6, 1e-6), 3);

@@ -59,7 +59,8 @@ impl Twin {
             }
             sprang |= springs;
             if springs {
-                self.solver.lighten_slow_modes(false);
+                let light = needle.has_swung(balance.gap);
+                self.solver.lighten_slow_modes(light);
             }
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
             self.happened.see(seen, tip, phase, self.contact.as_ref(), &self.fixed.along);

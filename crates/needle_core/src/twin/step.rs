@@ -146,6 +146,8 @@ impl Twin {
         let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
         self.solver.begin_cut();
         let (phase, event) = contact.impose(tip, &mut self.solver);
+        // a membrane that is pressed holds all of the tissue off the needle
+        let slips = matches!(contact, Contact::Frictional(needle) if needle.region().is_some());
         let bent = contact.shaft().map_or(0.0, Bending::moved);
         self.happened.see(event, tip, phase, self.contact.as_ref(), &self.fixed.along);
         // a needle that tilts moves the tissue even if its tip stays
@@ -160,7 +162,8 @@ impl Twin {
         let distance = distance.max(bent).max(turned);
         let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
         let relaxed = self.solver.stress_relaxation(time_s);
-        let steps = self.progress.pace.steps(distance, self.solver.unlearnt(travel), self.solver.slowest(), relaxed);
+        let unlearnt = self.solver.unlearnt(travel);
+        let steps = self.progress.pace.steps(distance, unlearnt, self.solver.slowest(), relaxed, slips);
         Move { travel, moves: distance > 0.0, phase, steps }
     }
 
