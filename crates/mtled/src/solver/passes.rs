@@ -182,7 +182,7 @@ impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Pass<T> for Deform<'_
         let mut min = V::of(f64::MAX);
         for group in 0..block.volume.len() {
             let (active, scale) = (V::load(&active[group]), V::load(&block.scale[group]));
-            if AXISYMMETRIC && active.is_zero() {
+            if active.is_zero() {
                 // the needle's alone, see below
                 let undeformed = std::array::from_fn(|k| if k % 4 == 0 { Lanes::of(1.0) } else { Lanes::default() });
                 scratch.deformation[group] = undeformed;
@@ -194,10 +194,8 @@ impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Pass<T> for Deform<'_
                 if is_there::<AXISYMMETRIC>(k) {
                     let undeformed = if k % 4 == 0 { one } else { zero };
                     f[k] = f[k].fma(scale, undeformed);
-                    if AXISYMMETRIC {
-                        // the needle's, not the tissue's: nothing reads it but what is shown
-                        f[k] = f[k].where_positive(active, undeformed);
-                    }
+                    // the needle's, not the tissue's: crushed as it may be, it must not make the nodes around it heavy (see `mass`)
+                    f[k] = f[k].where_positive(active, undeformed);
                     scratch.deformation[group][k] = f[k].store();
                 }
             }
