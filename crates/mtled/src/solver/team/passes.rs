@@ -94,9 +94,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC> 
                 if is_there::<AXISYMMETRIC>(k) {
                     let undeformed = if k % 4 == 0 { one } else { zero };
                     f[k] = f[k].fma(scale, undeformed);
-                    if AXISYMMETRIC {
-                        f[k] = f[k].where_positive(active, undeformed);
-                    }
+                    f[k] = f[k].where_positive(active, undeformed);
                     kept[place::<AXISYMMETRIC>(k)] = f[k].store();
                 }
             }
