@@ -2,8 +2,8 @@
 //! A program that wants the twin alone takes `needle_core`.
 //!
 //! ```text
-//! mtled ◄─ needle_core ◄─ needle_recording ◄─ needle_estimate ◄─ needle_studies ◄─ needle_report ◄┐
-//!            ros2_messages ◄─ ros2_guarded ◄─ ros2_node ◄──────────────────────────── needle_twin ┘
+//! mtled_cloud ◄─ mtled ◄─ needle_core ◄─ needle_recording ◄─ needle_estimate ◄─ needle_studies ◄─ needle_report ◄┐
+//!                          ros2_messages ◄─ ros2_guarded ◄─ ros2_node ◄──────────────────────────── needle_twin ┘
 //! ```
 //!
 //! A room of this crate uses only rooms before it: live, ros, cli (`tests/rooms.rs`).

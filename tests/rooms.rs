@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 const ORDER: [&str; 3] = ["live", "ros", "cli"];
 
 /// Folders that are numbers only.
-const INNER_RING: [&str; 2] = ["crates/mtled/src", "crates/needle_core/src"];
+const INNER_RING: [&str; 3] = ["crates/mtled/src", "crates/mtled_cloud/src", "crates/needle_core/src"];
 
 /// What would let time, order of hashing, the machine or the outside world into them.
 const FORBIDDEN: [&str; 15] = [

@@ -10,7 +10,7 @@ use served::News;
 /// Largest number of simultaneous viewers.
 pub const VIEWERS: usize = 16;
 /// Period of the messages to a viewer: 30 Hz.
-pub const PERIOD: Duration = Duration::from_nanos(33_333_333);
+pub(super) const PERIOD: Duration = Duration::from_nanos(33_333_333);
 
 /// Slots on the board, in the order in which they are sent.
 #[derive(Clone, Copy)]

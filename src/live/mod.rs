@@ -16,7 +16,7 @@ mod page;
 mod request;
 mod server;
 
-pub use board::{Board, PERIOD, VIEWERS};
+pub use board::{Board, VIEWERS};
 pub use error::LiveError;
 pub use frame::{Frame, Model};
 pub use request::{Command, LONGEST_MARK, Request};

@@ -178,6 +178,7 @@ fn no_constant_of_the_model_is_left_out() {
     let pages = read(&root().join("docs/constants.md")) + &read(&root().join("docs/lab/constants.md"));
     let rooms = [
         "crates/mtled/src",
+        "crates/mtled_cloud/src",
         "crates/needle_core/src/twin",
         "crates/needle_core/src/instrument",
         "crates/needle_estimate/src/compare",

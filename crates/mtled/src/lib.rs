@@ -4,12 +4,12 @@
 #![deny(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::multiple_unsafe_ops_per_block)]
 
 pub mod approximation;
-pub mod cloud;
-mod grid;
 pub mod material;
-pub mod mirror;
 #[allow(unsafe_code)] // vector instructions
 pub mod number;
 mod shares;
 pub mod solver;
-mod vector;
+
+pub use mtled_cloud as cloud;
+pub use mtled_cloud::mirror;
+use mtled_cloud::{grid, vector};

@@ -19,7 +19,7 @@ pub struct Forces {
 
 /// Root mean square of the difference, N; 0 for empty slices.
 #[must_use]
-pub fn rmse(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn rmse(a: &[f64], b: &[f64]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
     if a.is_empty() { 0.0 } else { (sum / a.len() as f64).sqrt() }
 }
