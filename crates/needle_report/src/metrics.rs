@@ -157,6 +157,7 @@ impl Nulls<'_> {
                 self.number("stability.max_kinetic_to_strain_energy", Some(run.max_kinetic_to_strain_energy), ""),
             "force_imbalance": self.number("stability.force_imbalance", Some(run.force_imbalance), ""),
             "force_imbalance_rms": self.number("stability.force_imbalance_rms", Some(run.force_imbalance_rms), ""),
+            "step_error_rms": self.number("stability.step_error_rms", run.step_error_rms, "the run is known by its messages alone"),
             "folded_energy": self.number("stability.folded_energy", Some(run.folded_energy), ""),
             "folded_from_m": run.folded_from_m.filter(|d| d.is_finite()),
             "constraint_error_m": self.number("stability.constraint_error_m", Some(run.constraint_error_m), ""),

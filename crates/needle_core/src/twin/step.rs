@@ -185,8 +185,10 @@ impl Twin {
         let force_n = std::array::from_fn(|k| force_n[k] + template_force_n[k]);
         let torque_nm = std::array::from_fn(|k| torque_nm[k] + template_torque_nm[k]);
         self.happened.close(force_n);
+        let shaft = tip.axis_at(0.0);
+        let moved = taken > 0 && (self.progress.tip != tip.offset || self.progress.shaft != shaft);
         self.progress.tip = tip.offset;
-        self.progress.shaft = tip.axis_at(0.0);
+        self.progress.shaft = shaft;
         self.progress.roll = tip.roll;
         self.progress.phase = phase;
         let before = self.progress.steps;
@@ -210,15 +212,18 @@ impl Twin {
             phase,
             event: None,
             steps: taken,
-            health: self.health(balance),
+            health: self.health(balance, moved),
         }
     }
 
-    fn health(&self, balance: &Balance) -> Health {
+    fn health(&self, balance: &Balance, moved: bool) -> Health {
+        // the approximations are those of a motion
+        let known = moved && !matches!(self.contact, Some(Contact::Frictional(_)));
         Health {
             min_jacobian: self.solver.min_jacobian(),
             kinetic_to_strain_energy: self.energies(balance),
             force_imbalance: self.progress.pace.imbalance,
+            approximations_apart_n: if known { 2.0 * balance.error_estimate } else { f64::INFINITY },
             constraint_error_m: self.progress.constraint_error_m,
             folded_energy: self.progress.folded_energy,
             discretisation_error: self.progress.discretisation_error,

@@ -35,6 +35,8 @@ pub(crate) struct Collector {
     imbalance_n: f64,
     /// Sum of its squares over the answers, N^2.
     imbalance_n2: f64,
+    /// The same of what the steps may have made of the force, N^2.
+    step_error_n2: f64,
     /// Largest |force on the instrument|, N.
     peak_n: f64,
     first_time_s: Option<f64>,
@@ -75,6 +77,7 @@ impl Collector {
             energy_ratio: Vec::new(),
             imbalance_n: 0.0,
             imbalance_n2: 0.0,
+            step_error_n2: 0.0,
             peak_n: 0.0,
             first_time_s: None,
             snapshot_interval_s: keep
@@ -171,6 +174,7 @@ impl Collector {
         let unbalanced = prediction.unbalanced_n();
         self.imbalance_n = self.imbalance_n.max(norm(unbalanced));
         self.imbalance_n2 += dot(unbalanced, unbalanced);
+        self.step_error_n2 += norm(unbalanced).min(health.approximations_apart_n).powi(2);
         self.peak_n = self.peak_n.max(norm(prediction.force_n));
     }
 
@@ -279,9 +283,10 @@ impl Collector {
             .map(|(_, ratio)| *ratio)
             .fold(0.0, f64::max);
         if self.peak_n > 0.0 {
-            let mean = self.imbalance_n2 / self.run.answers.len() as f64;
+            let rms = |squares: f64| (squares / self.run.answers.len() as f64).sqrt() / self.peak_n;
             self.run.force_imbalance = self.imbalance_n / self.peak_n;
-            self.run.force_imbalance_rms = mean.sqrt() / self.peak_n;
+            self.run.force_imbalance_rms = rms(self.imbalance_n2);
+            self.run.step_error_rms = Some(rms(self.step_error_n2));
         }
     }
 

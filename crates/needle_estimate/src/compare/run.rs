@@ -181,6 +181,9 @@ pub struct Run {
     pub force_imbalance: f64,
     /// The same as a root mean square over the answers.
     pub force_imbalance_rms: f64,
+    /// The same of the imbalance or of [`needle_core::twin::Health::approximations_apart_n`], whichever is less at a pose; `None` of a run that is
+    /// known by its messages alone.
+    pub step_error_rms: Option<f64>,
     /// Error that the scene allows force and targets (`accuracy`).
     pub accuracy: f64,
     /// Largest constraint error, m.

@@ -34,6 +34,7 @@ impl Run {
         let (imbalance, constraint) = (self.force_imbalance, self.constraint_error_m);
         let folded = self.folded_energy;
         let [mean, most] = [Health::MEAN_IMBALANCE, Health::MOST_IMBALANCE].map(|times| times * self.accuracy);
+        let steps = self.step_error_rms.unwrap_or(self.force_imbalance_rms);
         let error = self.relative_model_error();
         [
             StabilityRow {
@@ -74,12 +75,12 @@ impl Run {
                 remedy: MORE_STEPS,
             },
             StabilityRow {
-                name: "Force imbalance, r.m.s.",
-                value: self.force_imbalance_rms,
+                name: "Error of the steps, r.m.s.",
+                value: steps,
                 unit: "",
-                holds: self.force_imbalance_rms < mean,
+                holds: steps < mean,
                 bound: format!("below {mean:.3}"),
-                about: "The same as a root mean square over the poses; the bounds are 10 times and once the scene's accuracy.",
+                about: "Root mean square over the poses of that, or of how far two approximations of the force at rest are apart, if that is less; the bounds are 10 times and once the scene's accuracy.",
                 remedy: MORE_STEPS,
             },
             StabilityRow {

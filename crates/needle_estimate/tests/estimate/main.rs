@@ -4,6 +4,7 @@ mod crossings;
 mod determinism;
 mod ensemble;
 mod folds;
+mod imbalance;
 mod layers;
 mod least_work;
 mod teams;
