@@ -18,6 +18,7 @@ model = "veronda_westmann"
 shear_modulus_pa = 4500.0
 stiffening_exponent = 3.0
 poisson_ratio = 0.48
+density_kg_per_m3 = 1000.0
 [instrument]
 kind = "indenter"
 diameter_m = 0.008

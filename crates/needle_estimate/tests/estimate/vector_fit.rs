@@ -160,7 +160,7 @@ fn a_way_aside_tells_modulus_and_coefficient_apart() {
 /// What a load cell reads across the axis of a needle that goes straight down is noise: it changes nothing.
 #[test]
 fn noise_across_the_axis_costs_nothing() {
-    let scene = scene("needle_insertion", &[("discretisation.spacing_m", "0.004")]);
+    let scene = scene("needle_insertion", &[]);
     let readings: Vec<Reading> =
         (0..300).map(|i| Reading { time_s: 0.01 * f64::from(i), at: At::Depth(1.2e-5 * f64::from(i - 50)) }).collect();
     let forces = forces(&scene.with(&[Override::typed(MODULUS, 1800.0, "test")]).unwrap(), &readings);
