@@ -38,6 +38,7 @@ pub fn needle(pose_hz: f64) -> Run {
         max_kinetic_to_strain_energy: 0.004,
         force_imbalance: 0.0065,
         force_imbalance_rms: 0.0021,
+        step_error_rms: Some(0.0018),
         accuracy: 0.01,
         constraint_error_m: 2.1e-9,
         folded_energy: 0.0012,
