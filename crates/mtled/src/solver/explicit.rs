@@ -189,7 +189,7 @@ impl Solver {
     pub fn forget_motion(&mut self) {
         self.state.moving.q.fill([0.0; 3]);
         self.state.moving.tangent.0.iter_mut().for_each(|t| t.fill([0.0; 3]));
-        self.state.control.motion.unlearnt = [1.0; 3];
+        self.state.control.motion.unpredicted = [1.0; 3];
     }
 
     /// Moves the rod along its axis, to a way in m at the end of the next advance.
@@ -236,9 +236,9 @@ impl Solver {
     /// What of a way of the instrument, m, is along directions whose tangent motions have not been learnt yet (see `solver::step`). The tissue
     /// does not go along with it at once: it is an impulse.
     #[must_use]
-    pub fn unlearnt(&self, way: [f64; 3]) -> f64 {
-        let unlearnt = self.state.control.motion.unlearnt;
-        way.iter().zip(unlearnt).map(|(d, share)| (d * share).powi(2)).sum::<f64>().sqrt()
+    pub fn unpredicted(&self, way: [f64; 3]) -> f64 {
+        let unpredicted = self.state.control.motion.unpredicted;
+        way.iter().zip(unpredicted).map(|(d, share)| (d * share).powi(2)).sum::<f64>().sqrt()
     }
 
     /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.

@@ -38,12 +38,12 @@ pub(super) struct Motion {
     /// d / (d^2 + e^2), 1/m, with d the travel per step (see [`super::step`]); 0 at rest.
     pub gain: [f64; 3],
     /// Of each t_k, the share that has not been learnt yet.
-    pub unlearnt: [f64; 3],
+    pub unpredicted: [f64; 3],
 }
 
 impl Default for Motion {
     fn default() -> Self {
-        Self { rate: [[0.0; 3]; 3], gain: [0.0; 3], unlearnt: [1.0; 3] }
+        Self { rate: [[0.0; 3]; 3], gain: [0.0; 3], unpredicted: [1.0; 3] }
     }
 }
 

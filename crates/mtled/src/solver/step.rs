@@ -164,7 +164,7 @@ impl Model {
         let motion = &mut control.motion;
         motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
         for k in 0..3 {
-            motion.unlearnt[k] *= (-learn * motion.gain[k] * travel[k] * f64::from(advance.steps)).exp();
+            motion.unpredicted[k] *= (-learn * motion.gain[k] * travel[k] * f64::from(advance.steps)).exp();
         }
         travel
     }

@@ -7,7 +7,7 @@
 //! between the forces on instrument and base, which grows with the lag of the tissue. The next pose gets more steps while they are
 //! too large, and fewer when they are not. Where tissue slips, the force may change faster than over L ([`CHANGE_OF_SLIP`]). The start
 //! of a motion is an impulse, so it begins with the most steps. So is a turn into a direction whose tangent motion the solver has not
-//! learnt yet (`State::unlearnt`), which neither estimate sees: both compare with what was learnt. A resting instrument gets steps until
+//! learnt yet (`State::unpredicted`), which neither estimate sees: both compare with what was learnt. A resting instrument gets steps until
 //! the gap has closed and the tissue stands still, and then none.
 //!
 //! Forces alone don't tell that it stands still: where cells were crushed, single nodes come back after force and smooth field have. Per
@@ -167,7 +167,7 @@ impl Pace {
                 false if needle && in_plane && !scene.regions.is_empty() => LAG_BETWEEN_REGIONS,
                 false => LAG,
             },
-            lags_by: if slips && in_plane { CHANGE_OF_SLIP } else { 0.0 },
+            lags_by: if in_plane { CHANGE_OF_SLIP } else { 0.0 },
             force: [0.0; 3],
             change: 0.0,
             usual: 0.0,
@@ -176,19 +176,19 @@ impl Pace {
         }
     }
 
-    /// Steps for a pose that is `travel` metres from the last one, `unlearnt` of them in directions that are new to the tissue, while
+    /// Steps for a pose that is `travel` metres from the last one, `unpredicted` of them in directions that are new to the tissue, while
     /// relaxation has changed the stress by the share `relaxed`. `slips`: tissue may slip along the instrument.
-    pub fn steps(&mut self, travel: f64, unlearnt: f64, slowest: f64, relaxed: f64, slips: bool) -> u32 {
+    pub fn steps(&mut self, travel: f64, unpredicted: f64, slowest: f64, relaxed: f64, slips: bool) -> u32 {
         let s = &self.stepping;
         self.pending += relaxed;
         if travel > 0.0 {
             let unit = self.tolerance * slowest * self.length;
             let wanted = (travel / unit).max(1.0);
             let [none, all] = NEW_PART;
-            let part = ((unlearnt / travel - none) / (all - none)).clamp(0.0, 1.0);
+            let part = ((unpredicted / travel - none) / (all - none)).clamp(0.0, 1.0);
             let [impulse, largest] =
                 std::array::from_fn(|k| PARTIAL_IMPULSE[k] + part * (self.impulse[k] - PARTIAL_IMPULSE[k]));
-            let boost = self.boost.max((impulse * unlearnt / (unit * wanted)).min(largest));
+            let boost = self.boost.max((impulse * unpredicted / (unit * wanted)).min(largest));
             let size = self.peak.max(self.force_floor).max(self.resistance);
             let lags_by = if slips { self.lags_by } else { 0.0 };
             let lag = lags_by * self.change / (self.tolerance * slowest * size);
@@ -318,9 +318,9 @@ mod tests {
         let (height, slowest) = (0.017, 0.02);
         let mut pace = Pace::new(&Scene::preset("needle_insertion").unwrap(), height);
         let still = Balance { instrument: [0.0, 0.0, 1e-2], ..Balance::default() };
-        let mut steps = |way: f64, unlearnt: f64| {
+        let mut steps = |way: f64, unpredicted: f64| {
             (0..60).for_each(|_| pace.judge(&still, true));
-            pace.steps(way, unlearnt, slowest, 0.0, false)
+            pace.steps(way, unpredicted, slowest, 0.0, false)
         };
         assert_eq!(steps(5e-6, 0.0), 1);
         assert_eq!(steps(5e-6, 1e-6), 3);

@@ -127,12 +127,13 @@ impl Twin {
         } else {
             self.calm(&last, &tip, phase, pose.time_s, left)?
         };
+        let moving = moves && further.is_none();
         if let Some((balance, further)) = further {
             self.progress.pace.note(&balance);
             last = balance;
             taken += further;
         }
-        Ok(self.arrive(pose.time_s, &tip, phase, &last, taken))
+        Ok(self.arrive(pose.time_s, &tip, phase, &last, taken, moving))
     }
 
     /// Lets the instrument hold the tissue at a place, and says how many steps that is worth.
@@ -162,8 +163,8 @@ impl Twin {
         let distance = distance.max(bent).max(turned);
         let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
         let relaxed = self.solver.stress_relaxation(time_s);
-        let unlearnt = self.solver.unlearnt(travel);
-        let steps = self.progress.pace.steps(distance, unlearnt, self.solver.slowest(), relaxed, slips);
+        let unpredicted = self.solver.unpredicted(travel);
+        let steps = self.progress.pace.steps(distance, unpredicted, self.solver.slowest(), relaxed, slips);
         Move { travel, moves: distance > 0.0, phase, steps }
     }
 
@@ -173,11 +174,19 @@ impl Twin {
             self.solver.rest(time_s);
         }
         let balance = self.solver.balance();
-        self.arrive(time_s, tip, phase, &balance, 0)
+        self.arrive(time_s, tip, phase, &balance, 0, false)
     }
 
-    /// The answer after so many steps.
-    pub(super) fn arrive(&mut self, time_s: f64, tip: &Tip, phase: Phase, balance: &Balance, taken: u32) -> Prediction {
+    /// The answer after so many steps, the last of them of the motion to the place (`moving`) or at rest.
+    pub(super) fn arrive(
+        &mut self,
+        time_s: f64,
+        tip: &Tip,
+        phase: Phase,
+        balance: &Balance,
+        taken: u32,
+        moving: bool,
+    ) -> Prediction {
         let corrected = |v| self.corrected(v, tip.depth);
         let (force_n, base_force_n) = (corrected(balance.instrument), corrected(balance.base));
         let torque_nm = corrected(self.torque(balance, tip));
@@ -185,10 +194,8 @@ impl Twin {
         let force_n = std::array::from_fn(|k| force_n[k] + template_force_n[k]);
         let torque_nm = std::array::from_fn(|k| torque_nm[k] + template_torque_nm[k]);
         self.happened.close(force_n);
-        let shaft = tip.axis_at(0.0);
-        let moved = taken > 0 && (self.progress.tip != tip.offset || self.progress.shaft != shaft);
         self.progress.tip = tip.offset;
-        self.progress.shaft = shaft;
+        self.progress.shaft = tip.axis_at(0.0);
         self.progress.roll = tip.roll;
         self.progress.phase = phase;
         let before = self.progress.steps;
@@ -212,13 +219,13 @@ impl Twin {
             phase,
             event: None,
             steps: taken,
-            health: self.health(balance, moved),
+            health: self.health(balance, moving),
         }
     }
 
-    fn health(&self, balance: &Balance, moved: bool) -> Health {
+    fn health(&self, balance: &Balance, moving: bool) -> Health {
         // the approximations are those of a motion
-        let known = moved && !matches!(self.contact, Some(Contact::Frictional(_)));
+        let known = moving && !matches!(self.contact, Some(Contact::Frictional(_)));
         Health {
             min_jacobian: self.solver.min_jacobian(),
             kinetic_to_strain_energy: self.energies(balance),

@@ -32,9 +32,7 @@ impl Twin {
             if steps == 0 || !self.progress.pace.is_struck(last.as_ref().unwrap_or(first)) {
                 break;
             }
-            // at rest there is no motion to estimate an error from
-            let rest = self.advance_safely(steps, [0.0; 3], tip, phase, time_s)?;
-            last = Some(Balance { error_estimate: f64::INFINITY, ..rest });
+            last = Some(self.advance_safely(steps, [0.0; 3], tip, phase, time_s)?);
             taken += steps;
         }
         Ok(last.map(|balance| (balance, taken)))

@@ -114,11 +114,12 @@ impl Twin {
             self.progress.pace.judge(&balance, way.moves);
             let left = self.progress.pace.most().saturating_sub(way.steps);
             let calmed = self.calm(&balance, tip, way.phase, time_s, left)?;
+            let moving = way.moves && calmed.is_none();
             let (balance, further) = calmed.unwrap_or((balance, 0));
             if further > 0 {
                 self.progress.pace.note(&balance);
             }
-            self.arrive(time_s, tip, way.phase, &balance, way.steps + further)
+            self.arrive(time_s, tip, way.phase, &balance, way.steps + further, moving)
         };
         answer.event = self.happened.first();
         Ok(answer)

@@ -80,7 +80,7 @@ impl Run {
                 unit: "",
                 holds: steps < mean,
                 bound: format!("below {mean:.3}"),
-                about: "Root mean square over the poses of that, or of how far two approximations of the force at rest are apart, if that is less; the bounds are 10 times and once the scene's accuracy.",
+                about: "Root mean square over the poses of the imbalance, or of how far two approximations of the force at rest are apart where that is less. The bounds are 10 times and once the scene's accuracy.",
                 remedy: MORE_STEPS,
             },
             StabilityRow {
